@@ -1,0 +1,1 @@
+"""What leaves the house: Verilog, manifests, lint, reports."""

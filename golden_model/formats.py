@@ -1,0 +1,70 @@
+"""The layouts that units exchange, each defined once as a NumPy dtype.
+
+The Amaranth layouts (`rtl.layouts`), the bit packing of the simulation harness (`golden_model.bitpack`), the manifests
+and the tables in `docs/` are all derived from these dtypes. A `bool` field is one bit wide in hardware, a field made
+with `bits(n)` is n bits wide, and every other field has the width of its NumPy type. Fields follow each other from the
+least significant bit upwards, without padding.
+"""
+
+import numpy as np
+
+
+def bits(width: int) -> np.dtype:
+    """An unsigned field of `width` bits (1 to 32), held in the smallest NumPy integer that has room for it."""
+    if not 1 <= width <= 32:
+        raise ValueError(f"a bit field is 1 to 32 bits wide, not {width}")
+    holder = np.uint8 if width <= 8 else np.uint16 if width <= 16 else np.uint32
+    return np.dtype(holder, metadata={"bits": width})
+
+
+def field_width(dtype: np.dtype) -> int:
+    """Width in bits of one scalar field in hardware."""
+    if dtype.metadata is not None and "bits" in dtype.metadata:
+        return int(dtype.metadata["bits"])
+    return 1 if dtype == np.bool_ else 8 * dtype.itemsize
+
+
+F4 = np.dtype("<f4")
+F2 = np.dtype("<f2")
+I4 = np.dtype("<i4")
+BOOL = np.dtype(np.bool_)
+
+# --- operands and results of the number units ---------------------------------------------------------------------
+FLOAT = np.dtype([("z", F4)])
+FLOAT_UNARY = np.dtype([("a", F4)])
+FLOAT_PAIR = np.dtype([("a", F4), ("b", F4)])
+FLOAT_ADD = np.dtype([("a", F4), ("b", F4), ("subtract", BOOL)])
+FLOAT_QUAD = np.dtype([("a", F4), ("b", F4), ("c", F4), ("d", F4)])
+FLOAT_MINMAX = np.dtype([("a", F4), ("b", F4), ("maximum", BOOL)])
+ORDER = np.dtype([("less", BOOL), ("equal", BOOL), ("greater", BOOL), ("unordered", BOOL)])
+HALF = np.dtype([("z", F2)])
+HALF_UNARY = np.dtype([("a", F2)])
+# `fraction` is the number of bits after the binary point, 0 (an integer) to 31.
+FLOAT_TO_FIXED = np.dtype([("a", F4), ("fraction", bits(5))])
+FIXED_TO_FLOAT = np.dtype([("a", I4), ("fraction", bits(5))])
+FIXED = np.dtype([("z", I4)])
+
+# --- rays, triangles, hits ----------------------------------------------------------------------------------------
+# A ray covers the points origin + t * direction with t_min < t <= t_max; the direction need not be of unit length.
+RAY = np.dtype([("origin", F4, (3,)), ("direction", F4, (3,)), ("t_min", F4), ("t_max", F4)])
+
+# What every triangle test needs of a ray, computed once a ray by `ray_setup`: `axis` is the dominant axis kz of the
+# direction (0, 1, 2), `flip` says that kx and ky are swapped so that winding is kept, `shear` is (Sx, Sy, Sz).
+_PREPARED = [
+    ("origin", F4, (3,)),
+    ("shear", F4, (3,)),
+    ("t_min", F4),
+    ("t_max", F4),
+    ("axis", bits(2)),
+    ("flip", BOOL),
+]
+PREPARED_RAY = np.dtype([*_PREPARED, ("inverse", F4, (3,))])
+
+TRIANGLE = np.dtype([("v0", F4, (3,)), ("v1", F4, (3,)), ("v2", F4, (3,))])
+RAY_TRIANGLE = np.dtype([*_PREPARED, ("v0", F4, (3,)), ("v1", F4, (3,)), ("v2", F4, (3,)), ("cull", BOOL)])
+
+# The outcome of one ray-triangle test. The hit point is (1-u-v)*v0 + u*v1 + v*v2; a miss has all bits zero.
+TRIANGLE_HIT = np.dtype([("t", F4), ("u", F4), ("v", F4), ("hit", BOOL), ("front", BOOL)])
+
+# The outcome of tracing one ray: the index of the nearest triangle, -1 for a miss (then t, u, v are +0).
+HIT = np.dtype([("primitive", I4), ("t", F4), ("u", F4), ("v", F4), ("front", BOOL)])

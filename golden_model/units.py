@@ -1,0 +1,86 @@
+"""The table of units: name, payload formats and model of everything that exists in RTL.
+
+The RTL catalogue, the benches, the bulk runs, the manifests and the documentation all start from this table.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from golden_model import floats, formats
+from golden_model.ray_setup import ray_setup
+from golden_model.ray_triangle import ray_triangle
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unit:
+    """One unit with an input stream, an output stream and a result that depends on its operands alone."""
+
+    name: str
+    """The name in every room, and of the Verilog module."""
+    summary: str
+    """What it computes, in one line."""
+    input: np.dtype
+    """Payload of the input stream, without the tag."""
+    output: np.dtype
+    """Payload of the output stream, without the tag."""
+    model: Callable[[np.ndarray], np.ndarray]
+    """Operands (N,) of dtype `input` to results (N,) of dtype `output`."""
+
+
+def _operator(name: str, summary: str, source: np.dtype, result: np.dtype, function: Callable[..., Any]) -> Unit:
+    """A number unit: its fields, in order, are the function's arguments and results."""
+
+    def model(operands: np.ndarray) -> np.ndarray:
+        out = np.zeros(len(operands), dtype=result)
+        values = function(*(operands[field] for field in source.names or ()))
+        for field, value in zip(result.names or (), values if isinstance(values, tuple) else (values,), strict=True):
+            out[field] = value
+        return out
+
+    return Unit(name=name, summary=summary, input=source, output=result, model=model)
+
+
+_F = formats
+OPERATORS: dict[str, Unit] = {
+    unit.name: unit
+    for unit in (
+        _operator("float_add", "a + b, or a - b", _F.FLOAT_ADD, _F.FLOAT, floats.float_add),
+        _operator("float_multiply", "a * b", _F.FLOAT_PAIR, _F.FLOAT, floats.float_multiply),
+        _operator(
+            "float_difference_of_products",
+            "a*b - c*d, exact, rounded once",
+            _F.FLOAT_QUAD,
+            _F.FLOAT,
+            floats.float_difference_of_products,
+        ),
+        _operator("float_divide", "a / b", _F.FLOAT_PAIR, _F.FLOAT, floats.float_divide),
+        _operator("float_sqrt", "square root", _F.FLOAT_UNARY, _F.FLOAT, floats.float_sqrt),
+        _operator("float_compare", "less, equal, greater, unordered", _F.FLOAT_PAIR, _F.ORDER, floats.float_compare),
+        _operator("float_minmax", "minimum or maximum number", _F.FLOAT_MINMAX, _F.FLOAT, floats.float_minmax),
+        _operator("float_to_half", "float32 to binary16", _F.FLOAT_UNARY, _F.HALF, floats.float_to_half),
+        _operator("half_to_float", "binary16 to float32", _F.HALF_UNARY, _F.FLOAT, floats.half_to_float),
+        _operator("float_to_fixed", "float32 to fixed point", _F.FLOAT_TO_FIXED, _F.FIXED, floats.float_to_fixed),
+        _operator("fixed_to_float", "fixed point to float32", _F.FIXED_TO_FLOAT, _F.FLOAT, floats.fixed_to_float),
+    )
+}
+
+UNITS: dict[str, Unit] = {
+    **OPERATORS,
+    "ray_setup": Unit(
+        name="ray_setup",
+        summary="dominant axis, shear constants and reciprocal direction of a ray",
+        input=formats.RAY,
+        output=formats.PREPARED_RAY,
+        model=ray_setup,
+    ),
+    "ray_triangle": Unit(
+        name="ray_triangle",
+        summary="watertight ray-triangle intersection",
+        input=formats.RAY_TRIANGLE,
+        output=formats.TRIANGLE_HIT,
+        model=ray_triangle,
+    ),
+}

@@ -1,0 +1,1 @@
+"""Lightloom's hardware, in Amaranth. One unit a file; the unit's model is in `golden_model` under the same name."""

@@ -1,0 +1,130 @@
+"""What every fixed-latency unit is made of: a core that computes, and a stream wrapper around it.
+
+A `Core` is a datapath whose registers all advance together when `en` is high. Cores are built from steps
+(`StepCore`) or from other cores (`rtl.dataflow`). `StreamUnit` gives a core a valid/ready stream on both sides and
+carries a tag with each operation.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from amaranth import Module, Signal, Value
+from amaranth.lib import stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.units import UNITS
+from rtl.layouts import layout_of, packet_of
+
+Step = Callable[..., Mapping[str, Any]]
+
+
+class Core(wiring.Component):
+    """A pipelined datapath of fixed latency that accepts one operation a cycle.
+
+    Ports: `en` (all registers advance), `i` (operands), `o` (results, `latency` enabled cycles later). There is no reset
+    of data: validity is kept by whoever uses the core.
+    """
+
+    def __init__(self, unit: str, latency: int):
+        self.unit = UNITS[unit]
+        self.latency = latency
+        super().__init__(
+            {"en": In(1), "i": In(layout_of(self.unit.input)), "o": Out(layout_of(self.unit.output))},
+        )
+
+
+class StepCore(Core):
+    """A core whose function is a chain of combinational steps with `depth` register stages spread among them.
+
+    Subclasses set `unit_name` and return the chain from `steps()`. A step is called with the module and the values that
+    the step before returned, by name, and returns the values that the next one needs; the first gets the input's
+    fields, the last returns the output's. A register stage may stand after any step.
+    """
+
+    unit_name: str
+
+    def __init__(self, depth: int):
+        count = len(self.steps())
+        if not 0 <= depth <= count:
+            raise ValueError(f"{self.unit_name}: depth must be 0 to {count}, not {depth}")
+        super().__init__(self.unit_name, latency=depth)
+
+    @classmethod
+    def steps(cls) -> list[Step]:
+        raise NotImplementedError
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        steps = self.steps()
+        cuts = stage_cuts(len(steps), self.latency)
+        values: Mapping[str, Any] = {name: getattr(self.i, name) for name in self.unit.input.names or ()}
+        for index, step in enumerate(steps):
+            values = step(m, **values)
+            if index in cuts:
+                values = {name: register(m, self.en, value, f"s{index}_{name}") for name, value in values.items()}
+        for name in self.unit.output.names or ():
+            m.d.comb += getattr(self.o, name).eq(values[name])
+        return m
+
+
+def stage_cuts(steps: int, depth: int) -> set[int]:
+    """The steps after which a register stage stands: `depth` of them, evenly spread, the last step's among them."""
+    return {(k + 1) * steps // depth - 1 for k in range(depth)}
+
+
+def register(m: Module, en: Value, value: Any, name: str) -> Signal:
+    """`value` one enabled cycle later; data registers have no reset, so that flows may use plain flip-flops."""
+    value = Value.cast(value)
+    held = Signal(value.shape(), name=name, reset_less=True)
+    with m.If(en):
+        m.d.sync += held.eq(value)
+    return held
+
+
+class StreamUnit(wiring.Component):
+    """A core between two streams, with a tag that travels with each operation; results keep the operands' order.
+
+    The whole pipeline stops while a result waits at the output and `o.ready` is low, and moves otherwise. Latency is the
+    core's, the initiation interval 1. `i.ready` depends combinationally on `o.ready`, never on `i.valid`.
+    """
+
+    def __init__(self, core: Core, tag_width: int):
+        self.core = core
+        self.tag_width = tag_width
+        super().__init__(
+            {
+                "i": In(stream.Signature(packet_of(core.unit.input, tag_width))),
+                "o": Out(stream.Signature(packet_of(core.unit.output, tag_width))),
+            }
+        )
+
+    @property
+    def latency(self) -> int:
+        return self.core.latency
+
+    initiation_interval = 1
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        m.submodules.core = core = self.core
+        advance = Signal()
+        valid: Value = self.i.valid
+        tag: Value = self.i.payload.tag
+        m.d.comb += [
+            core.en.eq(advance),
+            core.i.eq(self.i.payload.data),
+            self.o.payload.data.eq(core.o),
+        ]
+        for stage in range(self.latency):
+            held = Signal(name=f"valid{stage}")
+            with m.If(advance):
+                m.d.sync += held.eq(valid)
+            valid = held
+            tag = register(m, advance, tag, f"tag{stage}")
+        m.d.comb += [
+            self.o.valid.eq(valid),
+            self.o.payload.tag.eq(tag),
+            advance.eq(~valid | self.o.ready if self.latency else self.o.ready),
+            self.i.ready.eq(advance),
+        ]
+        return m

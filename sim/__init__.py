@@ -1,0 +1,1 @@
+"""How Verilog becomes a running simulation: toolchain, cocotb runner, bulk vector harness."""

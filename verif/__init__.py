@@ -1,0 +1,1 @@
+"""cocotb benches: drivers, monitors, scoreboards; one bench a unit."""
