@@ -8,7 +8,7 @@ from rtl.config import Config
 # The Yosys wheel, never a Yosys of the host: the text must not depend on the machine.
 os.environ["AMARANTH_USE_YOSYS"] = "builtin"
 
-from amaranth.back import verilog  # noqa: E402  (the variable must be set before Amaranth looks for Yosys)
+from amaranth.back import verilog
 
 
 def verilog_of(unit: str, config: Config) -> str:

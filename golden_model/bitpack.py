@@ -4,16 +4,17 @@ Used by the simulation harness and the cocotb drivers, so that Python never touc
 """
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from golden_model.formats import field_width
 
 
-def fields(dtype: np.dtype) -> Iterator[tuple[str, tuple[int, ...], np.dtype, int, int]]:
-    """Yields (name, index, scalar dtype, bit offset, bit width) of every scalar of a structured dtype, lowest bit first.
+def fields(dtype: np.dtype) -> Iterator[tuple[str, tuple[Any, ...], np.dtype, int, int]]:
+    """Yields (name, index, scalar dtype, bit offset, bit width) of every scalar of a structured dtype.
 
-    `index` is () for a plain field and (k,) for element k of a vector field.
+    The lowest bit comes first. `index` is () for a plain field and (k,) for element k of a vector field.
     """
     offset = 0
     assert dtype.names is not None, "a structured dtype is needed"

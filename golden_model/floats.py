@@ -135,11 +135,11 @@ def half_to_float(a: Array) -> Array:
 @quiet
 def float_to_fixed(a: Array, fraction: Array | int = 0) -> Array:
     """float32 to int32 with `fraction` (0..31) bits after the point: nearest even, saturating; NaN becomes 0."""
-    scaled = np.rint(np.ldexp(flush(np.asarray(a)).astype(np.float64), fraction))
+    scaled = np.rint(np.ldexp(flush(np.asarray(a)).astype(np.float64), np.asarray(fraction, dtype=np.int32)))
     return np.clip(np.where(np.isnan(scaled), 0.0, scaled), -(2.0**31), 2.0**31 - 1).astype(np.int32)
 
 
 @quiet
 def fixed_to_float(a: Array, fraction: Array | int = 0) -> Array:
     """int32 with `fraction` (0..31) bits after the point to float32; never subnormal."""
-    return np.ldexp(np.asarray(a).astype(np.float64), np.negative(fraction)).astype(np.float32)
+    return np.ldexp(np.asarray(a).astype(np.float64), -np.asarray(fraction, dtype=np.int32)).astype(np.float32)

@@ -66,7 +66,7 @@ def ray_triangle(tests: np.ndarray) -> np.ndarray:
     return out
 
 
-def tests_of(prepared: np.ndarray, triangles: np.ndarray, cull: np.ndarray | bool = False) -> np.ndarray:
+def triangle_tests(prepared: np.ndarray, triangles: np.ndarray, cull: np.ndarray | bool = False) -> np.ndarray:
     """PREPARED_RAY (N,) and TRIANGLE (N,), record by record, to RAY_TRIANGLE (N,)."""
     tests = np.zeros(len(prepared), dtype=RAY_TRIANGLE)
     for name in ("origin", "shear", "t_min", "t_max", "axis", "flip"):

@@ -21,8 +21,8 @@ Step = Callable[..., Mapping[str, Any]]
 class Core(wiring.Component):
     """A pipelined datapath of fixed latency that accepts one operation a cycle.
 
-    Ports: `en` (all registers advance), `i` (operands), `o` (results, `latency` enabled cycles later). There is no reset
-    of data: validity is kept by whoever uses the core.
+    Ports: `en` (all registers advance), `i` (operands), `o` (results, `latency` enabled cycles later). Data has no
+    reset: validity is kept by whoever uses the core.
     """
 
     def __init__(self, unit: str, latency: int):
@@ -84,8 +84,8 @@ def register(m: Module, en: Value, value: Any, name: str) -> Signal:
 class StreamUnit(wiring.Component):
     """A core between two streams, with a tag that travels with each operation; results keep the operands' order.
 
-    The whole pipeline stops while a result waits at the output and `o.ready` is low, and moves otherwise. Latency is the
-    core's, the initiation interval 1. `i.ready` depends combinationally on `o.ready`, never on `i.valid`.
+    The whole pipeline stops while a result waits at the output and `o.ready` is low, and moves otherwise. Latency is
+    the core's, the initiation interval 1. `i.ready` depends combinationally on `o.ready`, never on `i.valid`.
     """
 
     def __init__(self, core: Core, tag_width: int):

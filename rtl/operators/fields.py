@@ -35,8 +35,8 @@ def rounded(
 ) -> Signal:
     """Rounds to nearest even and packs: 32 bits, with overflow to infinity and underflow to zero of the same sign.
 
-    `kept` is the 24-bit significand with its leading one, `exponent` its biased exponent (signed, any width), `guard` the
-    next bit and `sticky` the or of all below it.
+    `kept` is the 24-bit significand with its leading one, `exponent` its biased exponent (signed, any width), `guard`
+    the next bit and `sticky` the or of all below it.
 
     The flush comes after IEEE rounding: of the values below the least normal number, those from 0xFFFFFF * 2**-150 up
     round to it (in IEEE's subnormal range that is a tie, resolved to even) and are kept.
