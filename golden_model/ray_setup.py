@@ -13,8 +13,8 @@ NEXT_AXES = np.array([[1, 2], [2, 0], [0, 1]])
 def ray_setup(rays: np.ndarray) -> np.ndarray:
     """RAY (N,) to PREPARED_RAY (N,).
 
-    The dominant axis kz is the one with the greatest |direction|; of equal ones the lowest. kx and ky follow it
-    cyclically and are swapped where direction[kz] is negative. `inverse` is 1/direction a component (of zero: infinity
+    The dominant axis kz is the one with the greatest |direction| (a NaN counts as greater than infinity); of equal ones
+    the lowest. kx and ky follow it cyclically and are swapped where direction[kz] is negative. `inverse` is 1/direction a component (of zero: infinity
     of its sign). `shear` is (d[kx] * inverse[kz], d[ky] * inverse[kz], inverse[kz]).
 
     A ray whose direction is zero, has a component that is not finite, or is so long that 1/d[kz] is flushed to zero
@@ -24,11 +24,12 @@ def ray_setup(rays: np.ndarray) -> np.ndarray:
     direction = canonical(rays["direction"])
     inverse = canonical(np.float32(1) / direction)
 
-    magnitude = np.abs(direction)
+    # Without its sign, a float32's bit pattern orders like its magnitude.
+    magnitude = np.ascontiguousarray(rays["direction"]).view(np.uint32) & 0x7FFFFFFF
     x, y, z = magnitude[:, 0], magnitude[:, 1], magnitude[:, 2]
     axis = np.where((x >= y) & (x >= z), 0, np.where(y >= z, 1, 2))
     row = np.arange(len(rays))
-    flip = np.signbit(direction[row, axis])
+    flip = np.signbit(rays["direction"][row, axis])
     kx, ky = NEXT_AXES[axis].T
     kx, ky = np.where(flip, ky, kx), np.where(flip, kx, ky)
 

@@ -34,7 +34,7 @@ def ray_triangle(tests: np.ndarray) -> np.ndarray:
     def sheared(vertex: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         moved = flush(flush(vertex) - origin)
         z = moved[row, axis]
-        return flush(moved[row, kx] - flush(sx * z)), flush(moved[row, ky] - flush(sy * z)), flush(sz * z)
+        return flush(moved[row, kx] - flush(sx * z)), flush(moved[row, ky] - flush(sy * z)), z
 
     ax, ay, az = sheared(tests["v0"])
     bx, by, bz = sheared(tests["v1"])
@@ -48,11 +48,12 @@ def ray_triangle(tests: np.ndarray) -> np.ndarray:
     positive = (edge_a > 0) | (edge_b > 0) | (edge_c > 0)
 
     determinant = flush(flush(edge_a + edge_b) + edge_c)
-    distance = flush(flush(flush(edge_a * az) + flush(edge_b * bz)) + flush(edge_c * cz))
     reciprocal = flush(ONE / determinant)
-    t = flush(distance * reciprocal)
+    depth = flush(flush(flush(edge_a * az) + flush(edge_b * bz)) + flush(edge_c * cz))
+    t = flush(flush(depth * sz) * reciprocal)
 
-    usable = np.isfinite(determinant) & (determinant != 0) & (reciprocal != 0)
+    # The reciprocal of a zero determinant is infinite, of an infinite one (or one beyond 2**126) zero, of a NaN a NaN.
+    usable = np.isfinite(reciprocal) & (reciprocal != 0)
     inside = ~(negative & positive) & ~(tests["cull"] & negative)
     t_min, t_max = flush(tests["t_min"]), flush(tests["t_max"])
     hit = usable & inside & np.isfinite(t) & (t_min < t) & (t <= t_max)
@@ -61,8 +62,9 @@ def ray_triangle(tests: np.ndarray) -> np.ndarray:
     out["hit"] = hit
     out["front"] = hit & positive
     out["t"] = np.where(hit, t, 0)
-    out["u"] = np.where(hit, flush(edge_b * reciprocal), 0)
-    out["v"] = np.where(hit, flush(edge_c * reciprocal), 0)
+    # In a hit the edge functions and the determinant are of one sign; abs makes -0 (zero times a negative) +0.
+    out["u"] = np.where(hit, np.abs(flush(edge_b * reciprocal)), 0)
+    out["v"] = np.where(hit, np.abs(flush(edge_c * reciprocal)), 0)
     return out
 
 
