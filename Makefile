@@ -1,0 +1,56 @@
+# Lightloom. `make` alone lists the targets. Everything is installed into .venv in this folder, from the pinned versions
+# in requirements.lock; the system's Python is only used to make that environment.
+
+PYTHON  ?= python3
+VENV    := .venv
+BIN     := $(VENV)/bin
+READY   := $(VENV)/.ready
+BUNNY   := build/meshes/bunny.obj
+WORKERS ?= 2
+
+.DEFAULT_GOAL := help
+.PHONY: help setup simulators meshes demo test lint test-long test-operators bench emit clean distclean
+
+help: ## this list
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 18
+
+setup: $(READY) simulators meshes ## install everything that the other targets need
+
+# The lock file is the whole closure, so nothing is resolved: what is not in it is not installed.
+$(READY): requirements.lock pyproject.toml
+	@.ci/setup venv $(PYTHON) $(VENV)
+	@touch $@
+
+simulators:
+	@.ci/setup simulators
+
+meshes: $(BUNNY)
+
+$(BUNNY):
+	@.ci/setup bunny $@
+
+demo: setup ## render the Cornell box, replay its triangle tests through the Verilog, write build/demo/
+	$(BIN)/lightloom demo --out build/demo
+
+test: setup lint ## lint, types and all tests but the long ones
+	$(BIN)/pytest -n $(WORKERS) -m "not long"
+
+lint: $(READY) ## ruff (lint and format) and mypy
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+test-long: setup ## the long tests: millions of rays and vectors (an hour on two cores)
+	$(BIN)/pytest -n $(WORKERS) -m long
+
+bench: setup ## measure: vectors a second, rays a second, emission time
+	$(BIN)/lightloom bench
+
+emit: $(READY) ## Verilog and manifests of every unit into build/verilog/
+	$(BIN)/lightloom emit --out build/verilog
+
+clean: ## remove what was built, keep the environment
+	rm -rf build
+
+distclean: clean ## remove the environment too
+	rm -rf $(VENV)
