@@ -27,6 +27,8 @@ def field_width(dtype: np.dtype) -> int:
 F4 = np.dtype("<f4")
 F2 = np.dtype("<f2")
 I4 = np.dtype("<i4")
+I2 = np.dtype("<i2")
+U2 = np.dtype("<u2")
 BOOL = np.dtype(np.bool_)
 
 # --- operands and results of the number units ---------------------------------------------------------------------
@@ -68,3 +70,46 @@ TRIANGLE_HIT = np.dtype([("t", F4), ("u", F4), ("v", F4), ("hit", BOOL), ("front
 
 # The outcome of tracing one ray: the index of the nearest triangle, -1 for a miss (then t, u, v are +0).
 HIT = np.dtype([("primitive", I4), ("t", F4), ("u", F4), ("v", F4), ("front", BOOL)])
+
+# --- scenes -------------------------------------------------------------------------------------------------------
+# A lamp without size: radiant intensity RGB (W/sr), so that the irradiance at distance r is intensity * cosine / r**2.
+POINT_LIGHT = np.dtype([("position", F4, (3,)), ("intensity", F4, (3,))])
+
+# Where a lightmap texel lies: a point on its surface, unit normal and unit tangent (the bitangent is normal x tangent),
+# the object whose map it belongs to. `state` is 0 outside all charts (then the rest is zero), 1 for a texel that is
+# sampled, 2 for one that lies inside or under other geometry; 0 and 2 show the value of another texel.
+TEXEL = np.dtype(
+    [("position", F4, (3,)), ("normal", F4, (3,)), ("tangent", F4, (3,)), ("object", I4), ("state", bits(2))]
+)
+
+# --- frames -------------------------------------------------------------------------------------------------------
+# What the rasterizer leaves at a pixel ([0056]). `primitive` and `object` are -1 where nothing is seen (then depth is
+# infinity and the rest zero). u and v are barycentric as in HIT, `depth` is the distance along the view axis, `normal`
+# the interpolated one (unit length), `lightmap` the coordinates in texels of the object's map, `lod` the base-2
+# logarithm of texels per pixel in 1/256ths.
+GBUFFER = np.dtype(
+    [
+        ("primitive", I4),
+        ("object", I4),
+        ("depth", F4),
+        ("u", F4),
+        ("v", F4),
+        ("normal", F4, (3,)),
+        ("lightmap", F4, (2,)),
+        ("lod", I2),
+        ("front", BOOL),
+    ]
+)
+
+# --- lightmap maintenance -----------------------------------------------------------------------------------------
+# The maintained texel, 16 bytes: irradiance RGB, the number of updates it has had (it stops at 65535) and the frame of
+# the last one, modulo 65536.
+TEXEL_STATE = np.dtype([("irradiance", F4, (3,)), ("count", U2), ("frame", U2)])
+
+# The version that shaders read, 8 bytes: irradiance RGB and a weight, 1 where the texel itself has been sampled and 0
+# where its value comes from its surroundings.
+PUBLISHED_TEXEL = np.dtype([("rgba", F2, (4,))])
+
+# One blend: the texel before, the new sample of its irradiance, the smallest weight that a sample gets.
+BLEND = np.dtype([("irradiance", F4, (3,)), ("count", U2), ("sample", F4, (3,)), ("alpha_min", F4)])
+BLENDED = np.dtype([("irradiance", F4, (3,)), ("count", U2)])
