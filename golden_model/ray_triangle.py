@@ -14,6 +14,11 @@ from golden_model.ray_setup import NEXT_AXES
 
 ONE = np.float32(1)
 
+# A determinant (twice the projected area) must have a reciprocal below this, so be greater than about 2**-97. Beneath
+# that, underflow in the edge functions could report a hit far outside the triangle, and no box could be conservative
+# (docs/traversal.md). A float32 is below it unless the top three bits of its exponent are all ones.
+RECIPROCAL_LIMIT = np.float32(2.0**97)
+
 
 @quiet
 def ray_triangle(tests: np.ndarray) -> np.ndarray:
@@ -21,8 +26,9 @@ def ray_triangle(tests: np.ndarray) -> np.ndarray:
 
     A hit has t_min < t <= t_max, t finite, and all edge functions of one sign (zero belongs to both). `front` says that
     the triangle's vertices run counter-clockwise as the ray sees them; where `cull` is set, back faces miss. Triangles
-    with two equal vertices, with a vertex that is not finite, or whose determinant is zero, infinite or beyond 2**126
-    (where its reciprocal is flushed to zero) miss.
+    with two equal vertices, with a vertex that is not finite, or whose determinant (twice the area as the ray sees it)
+    is zero or so small that its reciprocal reaches 2**97, or infinite or beyond 2**126 (where its reciprocal is flushed
+    to zero) miss.
     """
     row = np.arange(len(tests))
     axis = tests["axis"].astype(np.intp) % 3
@@ -53,7 +59,7 @@ def ray_triangle(tests: np.ndarray) -> np.ndarray:
     t = flush(flush(depth * sz) * reciprocal)
 
     # The reciprocal of a zero determinant is infinite, of an infinite one (or one beyond 2**126) zero, of a NaN a NaN.
-    usable = np.isfinite(reciprocal) & (reciprocal != 0)
+    usable = (np.abs(reciprocal) < RECIPROCAL_LIMIT) & (reciprocal != 0)
     inside = ~(negative & positive) & ~(tests["cull"] & negative)
     t_min, t_max = flush(tests["t_min"]), flush(tests["t_max"])
     hit = usable & inside & np.isfinite(t) & (t_min < t) & (t <= t_max)
