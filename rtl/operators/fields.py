@@ -58,3 +58,24 @@ def rounded(
         # Where rounding carried out, the fraction is zero either way.
         m.d.comb += out.eq(Cat(total[:23], final[:8], sign))
     return out
+
+
+def with_specials(
+    m: Module, *, finite: Value, sign: Value, nan: Value, infinite: Value, zero: Value | int, name: str = "z"
+) -> Signal:
+    """The result of an operation: 32 bits, `finite` unless one of the special cases holds (`nan` before the others)."""
+    out = Signal(32, name=name)
+    with m.If(nan):
+        m.d.comb += out.eq(CANONICAL_NAN)
+    with m.Elif(infinite):
+        m.d.comb += out.eq(Cat(Const(0, 23), Const(INFINITY, 8), sign))
+    with m.Elif(zero):
+        m.d.comb += out.eq(Cat(Const(0, 31), sign))
+    with m.Else():
+        m.d.comb += out.eq(finite)
+    return out
+
+
+def add_with_carry(a: Value, b: Value, carry: Value) -> Value:
+    """a + b + carry with one adder: the carry enters through an extra lowest bit. One bit wider than the operands."""
+    return (Cat(carry, a) + Cat(carry, b))[1:]

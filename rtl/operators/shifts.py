@@ -1,0 +1,51 @@
+"""Shifters and the leading-zero count, built as trees: the wide logic that the number units share."""
+
+from amaranth import Cat, Const, Module, Mux, Signal, Value
+
+
+def shift_left(m: Module, value: Value, amount: Value, name: str) -> Signal:
+    """`value << amount` in the width of `value`: one row of multiplexers a bit of `amount`."""
+    for index, bit in enumerate(amount):
+        row = Signal(len(value), name=f"{name}{index}")
+        m.d.comb += row.eq(Mux(bit, Cat(Const(0, 1 << index), value), value))
+        value = row
+    return value
+
+
+def shift_right(m: Module, value: Value, amount: Value, name: str) -> tuple[Signal, Signal]:
+    """`value >> amount` and whether a one fell out at the low end."""
+    lost = Const(0, 1)
+    for index, bit in enumerate(amount):
+        row = Signal(len(value), name=f"{name}{index}")
+        fell = Signal(name=f"{name}_lost{index}")
+        m.d.comb += [
+            row.eq(Mux(bit, value[1 << index :], value)),
+            fell.eq(lost | (bit & value[: 1 << index].any())),
+        ]
+        value, lost = row, fell
+    return value, lost
+
+
+def leading_zeros(m: Module, value: Value, name: str) -> Signal:
+    """How many zeros stand above the highest one of `value`; unspecified but at most its width for zero itself."""
+    size = 1 << (len(value) - 1).bit_length()
+    # Each node of the tree covers some bits and holds (all of them are zero, zeros above the highest one).
+    leaves = Cat(Const(-1, size - len(value)), value)  # from the low end, so the ones below never count
+    level: list[tuple[Value, Value]] = [(~bit, Const(0, 0)) for bit in leaves]
+    depth = 0
+    while len(level) > 1:
+        depth += 1
+        parents = []
+        for index in range(0, len(level), 2):
+            (low_empty, low_count), (high_empty, high_count) = level[index : index + 2]
+            empty = Signal(name=f"{name}_empty{depth}_{index // 2}")
+            count = Signal(depth, name=f"{name}_count{depth}_{index // 2}")
+            m.d.comb += [
+                empty.eq(low_empty & high_empty),
+                count.eq(Cat(Mux(high_empty, low_count, high_count), high_empty)),
+            ]
+            parents.append((empty, count))
+        level = parents
+    out = Signal(depth, name=name)
+    m.d.comb += out.eq(level[0][1])
+    return out
