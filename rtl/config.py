@@ -48,4 +48,10 @@ PRESETS: dict[str, Config] = {
         convert_depth=2,
     ),
 }
-"""tiny: shallow pipelines, low clock, least area; base: the default; full: the deepest pipelines, highest clock."""
+
+PRESET_SUMMARIES: dict[str, str] = {
+    "tiny": "shallow pipelines: least area and latency, low clock",
+    "base": "the default",
+    "full": "the deepest pipelines: highest clock",
+}
+"""What each preset is for, in one line."""
