@@ -1,0 +1,85 @@
+"""What is done to every mesh: checks that a part of a scene can be used, and normals for shading."""
+
+import numpy as np
+
+from golden_model.errors import InputError
+from golden_model.scene import Part
+
+CREASE_COSINE = 0.7
+"""Faces that meet at more than about 45 degrees keep an edge between them; flatter meetings are shaded smoothly."""
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a x b of (..., 3) float64, in plain multiplies and subtracts."""
+    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
+    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+
+
+def area_vectors(corners: np.ndarray) -> np.ndarray:
+    """(F, 3, 3) corners to (F, 3) float64 normals whose length is twice the triangle's area."""
+    wide = corners.astype(np.float64)
+    return _cross(wide[:, 1] - wide[:, 0], wide[:, 2] - wide[:, 0])
+
+
+def shading_normals(corners: np.ndarray) -> np.ndarray:
+    """(F, 3, 3) corners to unit normals at the corners, (F, 3, 3) float32.
+
+    The normal at a corner is the area-weighted mean over the faces that touch the same point and are less steep than
+    CREASE_COSINE against its own face; so a box stays sharp and a scanned mesh becomes smooth.
+    """
+    faces = len(corners)
+    area = area_vectors(corners)
+    unit = area / np.sqrt(_dot(area, area))[:, None]
+    _, point = np.unique(corners.reshape(-1, 3) + np.float32(0), axis=0, return_inverse=True)
+    point = point.reshape(-1)
+    order = np.argsort(point, kind="stable")
+    count = np.bincount(point)
+    start = np.cumsum(count) - count
+
+    total = np.zeros((3 * faces, 3))
+    face = np.arange(3 * faces) // 3
+    # Round k adds, to every corner, the k-th face at its point: ordered sums, whatever the number of neighbours.
+    for k in range(int(count.max())):
+        corner = np.flatnonzero(count[point] > k)
+        other = order[start[point[corner]] + k] // 3
+        near = _dot(unit[face[corner]], unit[other]) >= CREASE_COSINE
+        total[corner[near]] += area[other[near]]
+    return (total / np.sqrt(_dot(total, total))[:, None]).reshape(faces, 3, 3).astype(np.float32)
+
+
+def check_part(part: Part, where: str) -> None:
+    """Raises InputError for vertices, triangles and materials that cannot be used; `where` begins the message."""
+    finite = np.isfinite(part.corners).all(axis=(1, 2))
+    if not finite.all():
+        raise InputError(
+            f"{where}: {_count(~finite)} with a vertex that is NaN or infinite "
+            f"(first: triangle {_first(~finite)}); correct or remove the vertices"
+        )
+    area = area_vectors(part.corners)
+    edges = part.corners.astype(np.float64) - np.roll(part.corners, 1, axis=1).astype(np.float64)
+    longest = _dot(edges, edges).max(axis=1)
+    # Below this the three points are on a line as far as float32 coordinates can tell.
+    flat = np.sqrt(_dot(area, area)) <= longest * 2.0**-40
+    if flat.any():
+        raise InputError(
+            f"{where}: {_count(flat)} without area (first: triangle {_first(flat)}); "
+            "remove them (mesh editors: merge by distance, dissolve degenerate faces)"
+        )
+    if not (np.isfinite(part.albedo).all() and (part.albedo >= 0).all() and (part.albedo <= 1).all()):
+        raise InputError(f"{where}: an albedo lies outside 0 to 1")
+    if not (np.isfinite(part.emission).all() and (part.emission >= 0).all()):
+        raise InputError(f"{where}: an emission is negative or not finite")
+
+
+def _count(mask: np.ndarray) -> str:
+    number = int(mask.sum())
+    return f"{number} triangle{'s' if number > 1 else ''}"
+
+
+def _first(mask: np.ndarray) -> int:
+    return int(np.argmax(mask))
