@@ -5,11 +5,20 @@
 from collections.abc import Callable
 
 from rtl.config import Config
+from rtl.operators.fixed_to_float import FixedToFloat
 from rtl.operators.float_add import FloatAdd
+from rtl.operators.float_compare import FloatCompare
 from rtl.operators.float_difference_of_products import FloatDifferenceOfProducts
 from rtl.operators.float_divide import FloatDivide
+from rtl.operators.float_minmax import FloatMinmax
 from rtl.operators.float_multiply import FloatMultiply
+from rtl.operators.float_sqrt import FloatSqrt
+from rtl.operators.float_to_fixed import FloatToFixed
+from rtl.operators.float_to_half import FloatToHalf
+from rtl.operators.half_to_float import HalfToFloat
 from rtl.pipeline import Core, StreamUnit
+from rtl.ray_setup import RaySetup
+from rtl.ray_triangle import RayTriangle
 
 
 def _stream(core: Callable[[Config], Core]) -> Callable[[Config], StreamUnit]:
@@ -21,4 +30,13 @@ CATALOGUE: dict[str, Callable[[Config], StreamUnit]] = {
     "float_multiply": _stream(lambda c: FloatMultiply(c.multiply_depth)),
     "float_difference_of_products": _stream(lambda c: FloatDifferenceOfProducts(c.difference_of_products_depth)),
     "float_divide": _stream(lambda c: FloatDivide(c.divide_depth)),
+    "float_sqrt": _stream(lambda c: FloatSqrt(c.sqrt_depth)),
+    "float_compare": _stream(lambda c: FloatCompare(c.compare_depth)),
+    "float_minmax": _stream(lambda c: FloatMinmax(c.compare_depth)),
+    "float_to_half": _stream(lambda c: FloatToHalf(c.convert_depth)),
+    "half_to_float": _stream(lambda c: HalfToFloat(c.convert_depth)),
+    "float_to_fixed": _stream(lambda c: FloatToFixed(c.convert_depth)),
+    "fixed_to_float": _stream(lambda c: FixedToFloat(c.convert_depth)),
+    "ray_setup": _stream(RaySetup),
+    "ray_triangle": _stream(RayTriangle),
 }

@@ -1,12 +1,15 @@
+# amaranth: UnusedElaboratable=no
+# (a unit is also made only to ask for its latency)
 """Composes cores into a larger pipelined datapath, with the delays that line operands up put in automatically."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from amaranth import Module, Signal, Value
 from amaranth.lib import data
 
+from rtl.config import Config
 from rtl.pipeline import Core, register
 
 
@@ -22,7 +25,10 @@ class Node:
 
 
 class Dataflow:
-    """Builds one datapath inside a module; all cores and delay lines in it advance with `en`."""
+    """Builds one datapath inside a module; all cores and delay lines in it advance with `en`.
+
+    Every operation starts as soon as its last operand is there.
+    """
 
     def __init__(self, m: Module, en: Value):
         self._m = m
@@ -63,3 +69,40 @@ class Dataflow:
             field_name: Node(results[field_name], time + core.latency, f"{name}_{field_name}")
             for field_name in core.unit.output.names or ()
         }
+
+
+class DataflowCore(Core):
+    """A core composed of other cores, whose latency follows from its graph.
+
+    Subclasses set `unit_name` and `flow_class` and draw the graph in `compute`, which is called once, when the core is
+    made. A vector field of the input or output is a list of nodes, one a component.
+    """
+
+    unit_name: str
+
+    def __init__(self, config: Config):
+        super().__init__(self.unit_name, latency=0)
+        self._graph = Module()
+        flow = Dataflow(self._graph, self.en)
+
+        def nodes(name: str) -> Any:
+            port, shape = getattr(self.i, name), self.unit.input[name].shape
+            if not shape:
+                return flow.source(port, name)
+            return [flow.source(port[k], f"{name}{k}") for k in range(shape[0])]
+
+        results = self.compute(flow, config, **{name: nodes(name) for name in self.unit.input.names or ()})
+        scalars = {name: value if isinstance(value, list) else [value] for name, value in results.items()}
+        self.latency = max(node.time for value in scalars.values() for node in value)
+        for name, value in scalars.items():
+            port = getattr(self.o, name)
+            for k, node in enumerate(value):
+                target = port[k] if self.unit.output[name].shape else port
+                self._graph.d.comb += target.eq(flow.at(node, self.latency))
+
+    def compute(self, flow: Dataflow, config: Config, **operands: Any) -> Mapping[str, Node | list[Node]]:
+        """Operands by field name to results by field name."""
+        raise NotImplementedError
+
+    def elaborate(self, platform: object) -> Module:
+        return self._graph
