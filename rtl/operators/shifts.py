@@ -30,7 +30,7 @@ def leading_zeros(m: Module, value: Value, name: str) -> Signal:
     """How many zeros stand above the highest one of `value`; unspecified but at most its width for zero itself."""
     size = 1 << (len(value) - 1).bit_length()
     # Each node of the tree covers some bits and holds (all of them are zero, zeros above the highest one).
-    leaves = Cat(Const(-1, size - len(value)), value)  # from the low end, so the ones below never count
+    leaves = Cat(Const(1, 1).replicate(size - len(value)), value)  # from the low end, so the ones below never count
     level: list[tuple[Value, Value]] = [(~bit, Const(0, 0)) for bit in leaves]
     depth = 0
     while len(level) > 1:

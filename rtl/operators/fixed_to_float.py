@@ -1,0 +1,47 @@
+"""int32 with a binary point to float32."""
+
+from typing import Any
+
+from amaranth import Cat, Module, Signal, Value
+
+from rtl.operators.shifts import leading_zeros, shift_left
+from rtl.pipeline import Step, StepCore
+
+
+def magnitude(m: Module, *, a: Value, fraction: Value) -> dict[str, Any]:
+    raw = Value.cast(a)
+    sign = raw[31]
+    absolute = Signal(32)
+    m.d.comb += absolute.eq((raw ^ sign.replicate(32)) + sign)
+    return {"absolute": absolute, "sign": sign, "fraction": fraction}
+
+
+def count(m: Module, *, absolute: Value, **rest: Any) -> dict[str, Any]:
+    return {"absolute": absolute, "zeros": leading_zeros(m, absolute, "zeros"), **rest}
+
+
+def normalise(m: Module, *, absolute: Value, zeros: Value, fraction: Value, sign: Value) -> dict[str, Any]:
+    scaled = shift_left(m, absolute, zeros, "scaled")
+    exponent = Signal(8)
+    m.d.comb += exponent.eq(158 - zeros - fraction)  # 158: exponent 31 and the bias
+    return {"scaled": scaled, "exponent": exponent, "sign": sign}
+
+
+def round_float(m: Module, *, scaled: Value, exponent: Value, sign: Value) -> dict[str, Any]:
+    """The exponent stays between 96 and 159, so there is neither overflow nor underflow."""
+    kept, guard, sticky = scaled[8:31], scaled[7], scaled[:7].any()
+    packed, z = Signal(31), Signal(32)  # z stays 0 for 0
+    m.d.comb += packed.eq(Cat(kept, exponent) + (guard & (sticky | kept[0])))
+    with m.If(scaled[31]):
+        m.d.comb += z.eq(Cat(packed, sign))
+    return {"z": z}
+
+
+class FixedToFloat(StepCore):
+    """Fixed point to float32; depth 0 to 4."""
+
+    unit_name = "fixed_to_float"
+
+    @classmethod
+    def steps(cls) -> list[Step]:
+        return [magnitude, count, normalise, round_float]

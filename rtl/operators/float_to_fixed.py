@@ -1,0 +1,55 @@
+"""float32 to int32 with a binary point."""
+
+from typing import Any
+
+from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
+
+from rtl.operators.fields import unpack
+from rtl.operators.shifts import shift_right
+from rtl.pipeline import Step, StepCore
+
+
+def align(m: Module, *, a: Value, fraction: Value) -> dict[str, Any]:
+    """Only right shifts: the significand starts at the top of 32 bits, where its value would be 2**31 and more."""
+    x = unpack(m, a, "x")
+    distance = Signal(signed(10))
+    m.d.comb += distance.eq(158 - x.exponent - fraction)  # 158: exponent 31 and the bias
+    amount = distance[:6] | (distance > 63).replicate(6)
+    # One place below the integer: the guard bit.
+    shifted, lost = shift_right(m, Cat(Const(0, 9), x.significand), amount, "align")
+    return {
+        "kept": shifted[1:32],
+        "guard": shifted[0],
+        "sticky": lost,
+        "saturate": distance <= 0,
+        "nan": x.nan,
+        "sign": x.sign,
+    }
+
+
+def round_fixed(
+    m: Module, *, kept: Value, guard: Value, sticky: Value, saturate: Value, nan: Value, sign: Value
+) -> dict[str, Any]:
+    """Rounds and negates with one adder: -(n + up) = ~n + (1 - up).
+
+    Rounding never overflows: where bits fall out, the magnitude is below 2**23.
+    """
+    up = guard & (sticky | kept[0])
+    z = Signal(32)
+    with m.If(nan):
+        m.d.comb += z.eq(0)
+    with m.Elif(saturate):
+        m.d.comb += z.eq(Mux(sign, 0x80000000, 0x7FFFFFFF))
+    with m.Else():
+        m.d.comb += z.eq((Cat(kept, Const(0, 1)) ^ sign.replicate(32)) + (up ^ sign))
+    return {"z": z}
+
+
+class FloatToFixed(StepCore):
+    """float32 to fixed point, nearest even, saturating; depth 0 to 2."""
+
+    unit_name = "float_to_fixed"
+
+    @classmethod
+    def steps(cls) -> list[Step]:
+        return [align, round_fixed]

@@ -1,0 +1,57 @@
+"""binary16 to float32."""
+
+from typing import Any
+
+from amaranth import Cat, Const, Module, Mux, Signal, Value
+
+from rtl.operators.fields import with_specials
+from rtl.operators.float_to_half import REBIAS
+from rtl.operators.shifts import leading_zeros, shift_left
+from rtl.pipeline import Step, StepCore
+
+
+def count(m: Module, *, a: Value) -> dict[str, Any]:
+    raw = Value.cast(a)
+    fraction, exponent = raw[:10], raw[10:15]
+    return {
+        "fraction": fraction,
+        "exponent": exponent,
+        "sign": raw[15],
+        "zeros": leading_zeros(m, fraction, "zeros"),
+        "subnormal": exponent == 0,
+        "infinite": exponent.all() & (fraction == 0),
+        "nan": exponent.all() & (fraction != 0),
+    }
+
+
+def widen(
+    m: Module,
+    *,
+    fraction: Value,
+    exponent: Value,
+    sign: Value,
+    zeros: Value,
+    subnormal: Value,
+    infinite: Value,
+    nan: Value,
+) -> dict[str, Any]:
+    """A subnormal's highest one becomes the hidden one; everything else keeps its fraction."""
+    scaled = shift_left(m, fraction, zeros, "scaled")
+    biased, digits = Signal(8), Signal(10)
+    m.d.comb += [
+        biased.eq(REBIAS + Mux(subnormal, -zeros, exponent)),
+        digits.eq(Mux(subnormal, Cat(Const(0, 1), scaled), fraction)),
+    ]
+    finite = Cat(Const(0, 13), digits, biased, sign)
+    zero = subnormal & (fraction == 0)
+    return {"z": with_specials(m, finite=finite, sign=sign, nan=nan, infinite=infinite, zero=zero)}
+
+
+class HalfToFloat(StepCore):
+    """binary16 to float32, exact; depth 0 to 2."""
+
+    unit_name = "half_to_float"
+
+    @classmethod
+    def steps(cls) -> list[Step]:
+        return [count, widen]
