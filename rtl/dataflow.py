@@ -74,8 +74,8 @@ class Dataflow:
 class DataflowCore(Core):
     """A core composed of other cores, whose latency follows from its graph.
 
-    Subclasses set `unit_name` and `flow_class` and draw the graph in `compute`, which is called once, when the core is
-    made. A vector field of the input or output is a list of nodes, one a component.
+    Subclasses set `unit_name` and draw the graph in `compute`, which is called once, when the core is made. A vector
+    field of the input or output is a list of nodes, one a component.
     """
 
     unit_name: str
@@ -100,8 +100,8 @@ class DataflowCore(Core):
                 target = port[k] if self.unit.output[name].shape else port
                 self._graph.d.comb += target.eq(flow.at(node, self.latency))
 
-    def compute(self, flow: Dataflow, config: Config, **operands: Any) -> Mapping[str, Node | list[Node]]:
-        """Operands by field name to results by field name."""
+    def compute(self, *args: Any, **operands: Any) -> Mapping[str, Any]:
+        """(flow, config, operands by field name) to results by field name."""
         raise NotImplementedError
 
     def elaborate(self, platform: object) -> Module:

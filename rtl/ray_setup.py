@@ -48,7 +48,7 @@ class RaySetup(DataflowCore):
 
 
 def dominant_axis(x: Value, y: Value, z: Value) -> Value:
-    """The axis of the greatest magnitude, the lowest of equal ones: without the sign, bit patterns order like numbers."""
+    """The axis of the greatest magnitude, the lowest of equal ones; bits without the sign order like numbers."""
     return Mux((x[:31] >= y[:31]) & (x[:31] >= z[:31]), 0, Mux(y[:31] >= z[:31], 1, 2))
 
 
