@@ -49,7 +49,7 @@ def look_at(
     toward = flush(target - position)
     forward = normalize(toward)
     right = normalize(cross(forward, up))
-    focal = flush(np.float32(height) * np.float32(0.5) / np.float32(fov_y_tan))
+    focal = flush(np.asarray(np.float32(height) * np.float32(0.5) / np.float32(fov_y_tan)))
     if not (np.isfinite(right).all() and np.isfinite(forward).all() and np.isfinite(focal) and focal > 0):
         raise InputError(
             "camera: position and target must differ, up must not point along the view, 0 < fov_y_tan < infinity"

@@ -4,7 +4,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from golden_model.errors import InputError
@@ -25,7 +25,8 @@ def whole_file(path: Path | str) -> Iterator[Path]:
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose another --out") from error
     finally:
-        scratch.unlink(missing_ok=True)
+        with suppress(OSError):  # a parent that is a file: nothing was written
+            scratch.unlink()
 
 
 @contextmanager
