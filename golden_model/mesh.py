@@ -9,21 +9,22 @@ CREASE_COSINE = 0.7
 """Faces that meet at more than about 45 degrees keep an edge between them; flatter meetings are shaded smoothly."""
 
 
-def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """a x b of (..., 3) float64, in plain multiplies and subtracts."""
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(..., 3) and (..., 3) to (...), float64."""
     return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
 
 
 def area_vectors(corners: np.ndarray) -> np.ndarray:
     """(F, 3, 3) corners to (F, 3) float64 normals whose length is twice the triangle's area."""
     wide = corners.astype(np.float64)
-    return _cross(wide[:, 1] - wide[:, 0], wide[:, 2] - wide[:, 0])
+    return cross(wide[:, 1] - wide[:, 0], wide[:, 2] - wide[:, 0])
 
 
 def shading_normals(corners: np.ndarray) -> np.ndarray:
@@ -34,7 +35,7 @@ def shading_normals(corners: np.ndarray) -> np.ndarray:
     """
     faces = len(corners)
     area = area_vectors(corners)
-    unit = area / np.sqrt(_dot(area, area))[:, None]
+    unit = area / np.sqrt(dot(area, area))[:, None]
     _, point = np.unique(corners.reshape(-1, 3) + np.float32(0), axis=0, return_inverse=True)
     point = point.reshape(-1)
     order = np.argsort(point, kind="stable")
@@ -47,9 +48,9 @@ def shading_normals(corners: np.ndarray) -> np.ndarray:
     for k in range(int(count.max())):
         corner = np.flatnonzero(count[point] > k)
         other = order[start[point[corner]] + k] // 3
-        near = _dot(unit[face[corner]], unit[other]) >= CREASE_COSINE
+        near = dot(unit[face[corner]], unit[other]) >= CREASE_COSINE
         total[corner[near]] += area[other[near]]
-    return (total / np.sqrt(_dot(total, total))[:, None]).reshape(faces, 3, 3).astype(np.float32)
+    return (total / np.sqrt(dot(total, total))[:, None]).reshape(faces, 3, 3).astype(np.float32)
 
 
 def check_part(part: Part, where: str) -> None:
@@ -62,9 +63,9 @@ def check_part(part: Part, where: str) -> None:
         )
     area = area_vectors(part.corners)
     edges = part.corners.astype(np.float64) - np.roll(part.corners, 1, axis=1).astype(np.float64)
-    longest = _dot(edges, edges).max(axis=1)
+    longest = dot(edges, edges).max(axis=1)
     # Below this the three points are on a line as far as float32 coordinates can tell.
-    flat = np.sqrt(_dot(area, area)) <= longest * 2.0**-40
+    flat = np.sqrt(dot(area, area)) <= longest * 2.0**-40
     if flat.any():
         raise InputError(
             f"{where}: {_count(flat)} without area (first: triangle {_first(flat)}); "

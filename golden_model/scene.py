@@ -19,6 +19,10 @@ LARGEST, SMALLEST = 2.0**40, 2.0**-40
 """Coordinates lie within +-LARGEST and the scene is larger than SMALLEST: squares of lengths stay normal float32."""
 
 
+DEFAULT_ALBEDO = (0.7, 0.7, 0.7)
+"""Of surfaces whose file names no material."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Camera:
     """A pinhole camera. To the right of the picture lies forward x up, where forward = target - position."""

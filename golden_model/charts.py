@@ -1,0 +1,109 @@
+"""From a scene to its lightmaps: charts for every object, texel records, buried texels."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from golden_model.burial import find_buried, nearest_valid
+from golden_model.errors import InputError
+from golden_model.formats import TEXEL
+from golden_model.lightmap import Lightmaps
+from golden_model.mesh import area_vectors, dot
+from golden_model.mesh_charts import mesh_charts
+from golden_model.planar_charts import ObjectCharts, planar_charts, planar_pieces
+from golden_model.scene import Scene
+from golden_model.texel_records import MARGIN, texel_records
+from golden_model.tracer import Trace
+
+PLANAR_TRIANGLES = 512
+"""Objects with more triangles are taken for curved meshes without looking for flat pieces."""
+
+PLANAR_PIECES = 16
+"""An object is flat geometry if it has at most this many flat pieces, or two triangles a piece on average."""
+
+MOST_TEXELS = 1 << 24
+LONGEST_SIDE = 1 << 14
+
+
+@dataclass(frozen=True)
+class _Object:
+    charts: ObjectCharts
+    texels: np.ndarray
+    chart: np.ndarray
+
+
+def unwrap(
+    scene: Scene, texel_size: float | None = None, *, trace: Trace | None = None, cache: Path | None = None
+) -> Lightmaps:
+    """The lightmaps of a scene, one map an object, with texels of about `texel_size` (default: the scene's own).
+
+    `trace` traces rays through the scene's triangles; without it buried texels are not looked for. `cache` is a folder
+    that keeps the charts of curved meshes (`mesh_charts.default_cache()`), None keeps nothing.
+    Raises InputError where the texels are so small that there would be more than MOST_TEXELS.
+    """
+    size = scene.texel_size if texel_size is None else texel_size
+    if not (np.isfinite(size) and size > 0):
+        raise InputError(f"{scene.name}: texel_size must be a positive number, not {size}")
+    area = _area(scene)
+    if area / size / size > MOST_TEXELS:
+        raise InputError(
+            f"{scene.name}: texel_size {size:g} needs {area / size / size:.2g} texels, at most {MOST_TEXELS} are "
+            f"possible; choose {np.sqrt(area / MOST_TEXELS):.2g} or more"
+        )
+    objects = [_unwrap_object(scene, k, size, cache) for k in range(len(scene.object_names))]
+    width = np.array([item.charts.width for item in objects], dtype=np.int32)
+    height = np.array([item.charts.height for item in objects], dtype=np.int32)
+    count = width.astype(np.int64) * height
+    if count.sum() > 2 * MOST_TEXELS or max(width.max(), height.max()) > LONGEST_SIDE:
+        raise InputError(f"{scene.name}: texel_size {size:g} makes maps too large; choose a larger one")
+
+    texels = np.concatenate([item.texels for item in objects]).astype(TEXEL)
+    texels["object"] = np.repeat(np.arange(len(objects)), count)
+    charts_before = np.cumsum([0, *(int(item.charts.chart.max()) + 1 for item in objects)])
+    lightmaps = Lightmaps(
+        width=width,
+        height=height,
+        offset=(np.cumsum(count) - count).astype(np.int32),
+        uv=np.concatenate([item.charts.uv for item in objects]),
+        texels=texels,
+        chart=np.concatenate(
+            [
+                np.where(item.chart >= 0, item.chart + before, -1)
+                for item, before in zip(objects, charts_before, strict=False)
+            ]
+        ).astype(np.int32),
+        fill=np.full(len(texels), -1, dtype=np.int32),
+    )
+    if trace is not None:
+        return find_buried(lightmaps, scene, trace)
+    lightmaps.fill[:] = nearest_valid(lightmaps, texels["state"])
+    return lightmaps
+
+
+def object_charts(corners: np.ndarray, texel_size: float, cache: Path | None = None) -> ObjectCharts:
+    """Charts of one object's triangles (F, 3, 3): planar ones for flat geometry, else those of xatlas."""
+    if len(corners) <= PLANAR_TRIANGLES:
+        piece = planar_pieces(corners)
+        pieces = int(piece.max()) + 1
+        if pieces <= max(PLANAR_PIECES, len(corners) // 2):
+            return planar_charts(corners, piece, texel_size)
+    return mesh_charts(corners, texel_size, cache)
+
+
+def _unwrap_object(scene: Scene, number: int, texel_size: float, cache: Path | None) -> _Object:
+    members = scene.object_id == number
+    corners = scene.corners[members]
+    charts = object_charts(corners, texel_size, cache)
+    # Where texels are tiny the margin is what keeps rays from starting in a wall that meets this one.
+    margin = max(MARGIN, 2 * float(scene.offset) / texel_size)
+    texels, chart = texel_records(
+        corners, scene.normals[members], charts.uv, charts.chart, charts.width, charts.height, margin
+    )
+    return _Object(charts, texels, chart)
+
+
+def _area(scene: Scene) -> float:
+    """Of all triangles together, for an estimate of the number of texels."""
+    vectors = area_vectors(scene.corners)
+    return float(np.cumsum(np.sqrt(dot(vectors, vectors)) / 2)[-1])
