@@ -1,0 +1,43 @@
+"""Unit against model, in all bits, through the bulk harness."""
+
+import numpy as np
+
+from golden_model import bitpack
+from golden_model.units import UNITS
+from rtl.catalogue import CATALOGUE
+from rtl.config import PRESETS
+from sim.bulk import BulkUnit
+
+SHOWN = 5
+SLACK = 500
+"""Cycles of a run beyond one an operation and the latency: reset, and the harness's own start and end."""
+
+
+def fields_in_hex(record: np.ndarray) -> str:
+    """The fields of a record (1,) as raw bits, ready to be pasted into a test."""
+    parts = []
+    for name, index, _, offset, width in bitpack.fields(record.dtype):
+        whole = sum(int(word) << (32 * k) for k, word in enumerate(bitpack.pack(record)[0]))
+        label = name + "".join(f"[{k}]" for k in index)
+        parts.append(f"{label}={whole >> offset & (1 << width) - 1:#x}")
+    return " ".join(parts)
+
+
+def assert_agrees(unit: str, preset: str, operands: np.ndarray, origin: str) -> np.ndarray:
+    """Runs operands (N,) through unit and model; returns the results. `origin` says how to make the operands again.
+
+    The unit's latency must be the stated one, and it must take an operation a cycle.
+    """
+    assert len(operands)
+    bulk = BulkUnit(unit, PRESETS[preset])
+    expected, got = UNITS[unit].model(operands), bulk.run(operands)
+    wrong = np.flatnonzero(~bitpack.equal(expected, got))
+    lines = [f"{unit} ({preset}, {origin}): {len(wrong)} of {len(operands)} results differ"]
+    for k in wrong[:SHOWN]:
+        one = slice(k, k + 1)
+        lines += [f"vector {k}: {fields_in_hex(operands[one])}"]
+        lines += [f"  model {fields_in_hex(expected[one])}", f"  unit  {fields_in_hex(got[one])}"]
+    assert not len(wrong), "\n".join(lines)
+    assert bulk.latency == CATALOGUE[unit](PRESETS[preset]).latency
+    assert bulk.cycles <= len(operands) + bulk.latency + SLACK, "less than one operation a cycle"
+    return got

@@ -1,0 +1,41 @@
+"""The ray-triangle unit against its model: every bit of every result."""
+
+import pytest
+
+from golden_model.bitpack import equal
+from golden_model.ray_triangle import ray_triangle
+from rtl.catalogue import CATALOGUE
+from rtl.config import PRESETS, Config
+from sim.bulk import BulkUnit
+from tests.rtl.agreement import assert_agrees
+from verif.ray_vectors import ray_triangle_vectors
+
+SEED = 20130413
+CHUNK = 250_000
+
+
+@pytest.mark.parametrize("preset", ["tiny", "base"])
+def test_agrees_with_the_model(preset: str) -> None:
+    results = assert_agrees("ray_triangle", preset, ray_triangle_vectors(210_000, SEED), f"seed {SEED}")
+    assert results["hit"].mean() > 0.3
+    assert 0.3 < results["front"].sum() / results["hit"].sum() < 0.7
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("preset", list(PRESETS))
+def test_agrees_with_the_model_on_millions(preset: str) -> None:
+    for seed in range(SEED + 1, SEED + 17):
+        assert_agrees("ray_triangle", preset, ray_triangle_vectors(CHUNK, seed), f"seed {seed}")
+
+
+def test_results_survive_stalls() -> None:
+    operands = ray_triangle_vectors(20_000, SEED)
+    assert equal(BulkUnit("ray_triangle", PRESETS["tiny"]).run(operands, stall_seed=SEED), ray_triangle(operands)).all()
+
+
+@pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS.keys())
+def test_latency_is_the_longest_path(config: Config) -> None:
+    shear = 2 * config.add_depth + config.multiply_depth
+    determinant = config.difference_of_products_depth + 2 * config.add_depth
+    expected = shear + determinant + config.divide_depth + config.multiply_depth + config.compare_depth
+    assert CATALOGUE["ray_triangle"](config).latency == expected
