@@ -36,7 +36,7 @@ def sobol(index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     index = np.asarray(index).astype(np.uint32)
     x = np.zeros_like(index)
     y = np.zeros_like(index)
-    for k in range(32):
+    for k in range(int(index.max(initial=0)).bit_length()):
         chosen = ((index >> np.uint32(k)) & np.uint32(1)).astype(bool)
         x = np.where(chosen, x ^ np.uint32(0x80000000 >> k), x)
         y = np.where(chosen, y ^ _SOBOL_Y[k], y)

@@ -1,0 +1,158 @@
+"""Converged irradiance by path tracing, without any lightmap: what the lightmaps are to come to.
+
+Every vertex of a path samples the lights (next-event estimation), so emission met by chance is not counted. Surfaces
+are diffuse and reflect on both sides; lights shine from their front.
+
+A path goes on from a surface with the chance of its albedo's largest component (Russian roulette: throughput stays at
+most 1 and nothing is lost on average). Paths are cut after the first K vertices for which (largest albedo)**K < 2**-11:
+light that was reflected more often is less than 0.05 % of all, even in a closed room.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from golden_model.directions import COUNT, ROTATIONS, cosine_table, rotation_table, tangent_of, to_world
+from golden_model.floats import flush, quiet
+from golden_model.formats import RAY
+from golden_model.lights import Lights, direct_candidates, lights_of
+from golden_model.random import hash_u32, uniform
+from golden_model.scene import Scene
+from golden_model.tracer import Trace
+from golden_model.vectors import add, interpolate, normalize, scale
+
+BATCH = 1 << 17  # paths traced at a time: bounds the memory
+MOST_VERTICES = 512  # of a path, where an albedo is 1
+_DIRECT, _TURN, _ROULETTE, _DIRECTION, _LIGHT = range(5)  # what a hash is for
+
+
+def irradiance(
+    scene: Scene,
+    trace: Trace,
+    position: np.ndarray,
+    normal: np.ndarray,
+    samples: int,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> np.ndarray:
+    """Irradiance (N, 3) float32 at points (N, 3) with unit normals (N, 3), float32, from `samples` paths a point.
+
+    The same seed gives the same bits. `progress(done, total)` is called with numbers of paths as they are finished.
+    """
+    lights = lights_of(scene)
+    total = np.zeros((len(position), 3))
+    points = max(BATCH // samples, 1)
+    run = min(samples, BATCH)
+    done = 0
+    for begin in range(0, len(position), points):
+        part = slice(begin, begin + points)
+        number = np.arange(begin, min(begin + points, len(position)))
+        for first in range(0, samples, run):
+            count = min(run, samples - first)
+            place, facing = position[part].astype(np.float32), normal[part].astype(np.float32)
+            key = hash_u32(number, seed)
+            batch = _direct(lights, trace, place, facing, key, first, count)
+            batch += _indirect(scene, lights, trace, place, facing, key, first, count)
+            total[part] += batch
+            done += len(number) * count
+            if progress is not None:
+                progress(done, len(position) * samples)
+    return (total / samples).astype(np.float32)
+
+
+def _in_order(values: np.ndarray) -> np.ndarray:
+    """(N, S, 3) to their sums over S, (N, 3) float64, added one after the other."""
+    return np.cumsum(values, axis=1, dtype=np.float64)[:, -1]
+
+
+def _direct(
+    lights: Lights, trace: Trace, position: np.ndarray, normal: np.ndarray, key: np.ndarray, first: int, samples: int
+) -> np.ndarray:
+    """Sum of `samples` estimates of the direct irradiance, (N, 3) float64."""
+    rays, weight = direct_candidates(lights, position, normal, hash_u32(key, _DIRECT), first=first, samples=samples)
+    return _in_order(weight * _open(trace, rays.reshape(-1)).reshape(rays.shape)[..., None]) * samples
+
+
+def _open(trace: Trace, rays: np.ndarray) -> np.ndarray:
+    """Which shadow rays nothing blocks, float32 1 or 0; rays that end where they start are not traced."""
+    free = np.zeros(len(rays), dtype=np.float32)
+    wanted = np.flatnonzero(rays["t_max"] > 0)
+    free[wanted] = trace(rays[wanted], any_hit=True)["primitive"] < 0
+    return free
+
+
+@quiet
+def _indirect(
+    scene: Scene,
+    lights: Lights,
+    trace: Trace,
+    position: np.ndarray,
+    normal: np.ndarray,
+    key: np.ndarray,
+    first: int,
+    samples: int,
+) -> np.ndarray:
+    """Sum of `samples` estimates of the indirect irradiance, (N, 3) float64.
+
+    The density of directions is cosine / pi and a surface reflects albedo / pi of its irradiance, so pi cancels: each
+    vertex adds throughput times its direct irradiance, throughput being the product of the albedos so far.
+    """
+    points = len(position)
+    gathered = np.zeros((points * samples, 3), dtype=np.float32)
+    path = np.arange(points * samples)
+    sample = np.tile(np.arange(first, first + samples), points)
+    own = hash_u32(np.repeat(key, samples), sample)  # of each path
+    turn = hash_u32(np.repeat(key, samples), _TURN, sample // COUNT)
+    place, facing = np.repeat(position, samples, axis=0), np.repeat(normal, samples, axis=0)
+    rays = _bounce(scene, place, facing, sample % COUNT, turn)
+    throughput = np.ones((len(path), 3), dtype=np.float32)
+    for vertex in range(_vertices(scene)):
+        hits = trace(rays)
+        met = hits["primitive"] >= 0
+        path, own, throughput, hits = path[met], own[met], throughput[met], hits[met]
+        if not len(path):
+            break
+        place, facing, albedo = _surface(scene, hits)
+        throughput = flush(throughput * albedo)
+        shadow, weight = direct_candidates(lights, place, facing, hash_u32(own, _LIGHT, vertex))
+        gathered[path] += flush(throughput * flush(weight[:, 0] * _open(trace, shadow[:, 0])[:, None]))
+
+        chance = albedo.max(axis=1)
+        onward = uniform(hash_u32(own, _ROULETTE, vertex)) < chance
+        path, own, place, facing = path[onward], own[onward], place[onward], facing[onward]
+        throughput = flush(throughput[onward] / chance[onward, None])
+        entry = hash_u32(own, _DIRECTION, vertex)
+        rays = _bounce(scene, place, facing, entry % np.uint32(COUNT), entry // np.uint32(COUNT))
+    return _in_order(gathered.reshape(points, samples, 3))
+
+
+def _vertices(scene: Scene) -> int:
+    """Vertices after which a path is cut."""
+    largest = float(scene.albedo[scene.material].max())
+    remaining, count = 1.0, 0
+    while remaining >= 2.0**-11 and count < MOST_VERTICES:
+        remaining *= largest
+        count += 1
+    return count
+
+
+def _bounce(scene: Scene, place: np.ndarray, facing: np.ndarray, entry: np.ndarray, turn: np.ndarray) -> np.ndarray:
+    """RAY (N,) from points with normals (N, 3) along entries of the cosine table, turned by entries of the other."""
+    rays = np.zeros(len(place), dtype=RAY)
+    rays["origin"] = add(place, scale(facing, scene.offset))
+    rotation = rotation_table()[turn % np.uint32(ROTATIONS)]
+    rays["direction"] = to_world(cosine_table()[entry], facing, tangent_of(facing), rotation)
+    rays["t_max"] = np.inf
+    return rays
+
+
+def _surface(scene: Scene, hits: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """HIT (N,) to points, unit normals on the side that was hit, and albedos, (N, 3) each."""
+    primitive, u, v = hits["primitive"], hits["u"], hits["v"]
+    triangle, normals = scene.triangles[primitive], scene.normals[primitive]
+    place = interpolate(triangle["v0"], triangle["v1"], triangle["v2"], u, v)
+    facing = normalize(interpolate(normals[:, 0], normals[:, 1], normals[:, 2], u, v))
+    # Normals that cancel in the middle of a triangle: the first corner's will do.
+    facing = np.where(np.isfinite(facing), facing, normals[:, 0])
+    facing = np.where(hits["front"][:, None], facing, -facing)
+    return place, facing, scene.albedo[scene.material[primitive]]

@@ -1,0 +1,159 @@
+"""Direct light: samples of area and point lights, as shadow rays and what each brings if nothing is in its way.
+
+The irradiance at a point is the sum of the weights of the shadow rays that are not blocked. Rays and weights come
+first, so that the caller can count rays against a budget, trace them together with others, and add up afterwards.
+
+Self-hits: a shadow ray starts `Scene.offset` off the surface along its normal, and ends the same distance in front of
+the light (`t_max` is 1 there), so that neither end needs a tolerance of its own.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from golden_model.directions import sobol
+from golden_model.floats import flush, quiet
+from golden_model.formats import RAY
+from golden_model.mesh import area_vectors, dot
+from golden_model.random import hash_u32, uniform
+from golden_model.scene import Scene
+from golden_model.vectors import add, cross, scale, subtract
+from golden_model.vectors import dot as dot4
+
+WEIGHT_BITS = 31
+"""The whole-number weights by which lights are chosen add up to less than 2**WEIGHT_BITS."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lights:
+    """The K lights of a scene: its emissive triangles in their order, then its point lights."""
+
+    origin: np.ndarray
+    """First corner, or position of a point light, (K, 3) float32."""
+    edge1: np.ndarray
+    """Second corner minus the first, (K, 3) float32, zero for a point light."""
+    edge2: np.ndarray
+    """Third corner minus the first, (K, 3) float32, zero for a point light."""
+    doubled: np.ndarray
+    """edge1 x edge2: the normal, as long as twice the area; (K, 3) float32, zero for a point light."""
+    lift: np.ndarray
+    """From the light's surface to where shadow rays end, (K, 3) float32: the unit normal times `offset`."""
+    emitted: np.ndarray
+    """Radiance of a triangle, radiant intensity of a point light, (K, 3) float32."""
+    point: np.ndarray
+    """Which are point lights, (K,) bool."""
+    begin: np.ndarray
+    """A light k is chosen for whole numbers begin[k] <= x < begin[k + 1], (K + 1,) uint64."""
+    share: np.ndarray
+    """One over the chance to be chosen, (K,) float32; for triangles halved, because `doubled` is twice the area."""
+    offset: np.float32
+    """How far off surfaces rays start, `Scene.offset`."""
+
+    def __len__(self) -> int:
+        return len(self.point)
+
+
+def lights_of(scene: Scene) -> Lights:
+    """The lights of a scene (K may be 0). The chance of a light goes with its power: area or 4, times luminance."""
+    emission = scene.emission[scene.material]
+    shining = np.flatnonzero((emission > 0).any(axis=1))
+    corners = scene.corners[shining]
+    points = scene.point_lights[(scene.point_lights["intensity"] > 0).any(axis=1)]
+    nothing = np.zeros((len(points), 3), dtype=np.float32)
+    edge1 = np.concatenate([subtract(corners[:, 1], corners[:, 0]), nothing])
+    edge2 = np.concatenate([subtract(corners[:, 2], corners[:, 0]), nothing])
+    doubled = cross(edge1, edge2)
+    point = np.arange(len(edge1)) >= len(shining)
+    emitted = np.concatenate([emission[shining], points["intensity"]]).astype(np.float32)
+
+    vectors = area_vectors(corners)
+    size = np.concatenate([np.sqrt(dot(vectors, vectors)) / 2, np.full(len(points), 4.0)])
+    wide = emitted.astype(np.float64)
+    power = size * (0.2126 * wide[:, 0] + 0.7152 * wide[:, 1] + 0.0722 * wide[:, 2])
+    # The strongest gets 2**bits, the weakest at least 1, and together they stay below 2**WEIGHT_BITS.
+    bits = WEIGHT_BITS - 1 - int(np.frexp(max(len(power), 1))[1])
+    weight = np.maximum(np.rint(power / power.max(initial=1e-300) * 2.0**bits), 1).astype(np.uint64)
+    begin = np.concatenate([[0], np.cumsum(weight)]).astype(np.uint64)
+    share = begin[-1].astype(np.float64) / weight.astype(np.float64) * np.where(point, 1.0, 0.5)
+    # Unit normals by way of float64: the squares of small triangles' areas would be flushed.
+    unit = vectors / np.sqrt(dot(vectors, vectors))[:, None]
+    lift = np.concatenate([(unit * np.float64(scene.offset)).astype(np.float32), nothing])
+    return Lights(
+        origin=np.concatenate([corners[:, 0], points["position"]]),
+        edge1=edge1,
+        edge2=edge2,
+        doubled=doubled,
+        lift=lift,
+        emitted=emitted,
+        point=point,
+        begin=begin,
+        share=share.astype(np.float32),
+        offset=scene.offset,
+    )
+
+
+@quiet
+def direct_candidates(
+    lights: Lights,
+    position: np.ndarray,
+    normal: np.ndarray,
+    key: np.ndarray,
+    *,
+    first: np.ndarray | int = 0,
+    samples: int = 1,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Shadow rays and weights for points (N, 3) with unit normals (N, 3): RAY (N, S), float32 (N, S, 3).
+
+    `key` (N,) integers select a point's own sequence of samples and `first` (a number or (N,)) the place in it, so
+    that updates of a texel go on where the last one stopped; runs of 16 are well spread over the lights. Samples with
+    different keys are independent of each other.
+
+    A light's back and points behind the surface bring nothing: their weights are zero and their rays (t_max 0) hit
+    nothing and need not be traced. Without lights all are so. The sum over S of the weights that are not blocked is
+    the irradiance: 1/S is in the weights.
+    """
+    count = len(position)
+    rays = np.zeros((count, samples), dtype=RAY)
+    weight = np.zeros((count, samples, 3), dtype=np.float32)
+    if not len(lights) or not count:
+        return rays, weight
+    light, u, v = _choose(lights, np.asarray(key), np.asarray(first), samples)
+
+    target = add(add(lights.origin[light], scale(lights.edge1[light], u)), scale(lights.edge2[light], v))
+    toward = subtract(target, position[:, None, :])
+    square = dot4(toward, toward)
+    incoming = flush(dot4(np.broadcast_to(normal[:, None, :], toward.shape), toward) / square)
+    outgoing = flush(dot4(-lights.doubled[light], toward) / square)
+    # A point light has no cosine of its own: 1 / distance stands in for what `outgoing` is for a triangle.
+    outgoing = np.where(lights.point[light], flush(np.float32(1) / np.sqrt(square)), outgoing)
+    factor = flush(flush(incoming * outgoing) * flush(lights.share[light] / np.float32(samples)))
+    lit = (incoming > 0) & (outgoing > 0) & np.isfinite(factor)
+    weight[...] = np.where(lit[..., None], scale(lights.emitted[light], factor), np.float32(0))
+
+    start = add(position, scale(normal, lights.offset))
+    rays["origin"] = start[:, None, :]
+    rays["direction"] = subtract(add(target, lights.lift[light]), start[:, None, :])
+    rays["t_max"] = lit
+    return rays, weight
+
+
+def _choose(
+    lights: Lights, key: np.ndarray, first: np.ndarray, samples: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Light (N, S) int64 and barycentrics u, v (N, S) float32 on it.
+
+    Points of the Sobol' sequence, xored with two hashes of the key. The first coordinate chooses the light; where it
+    fell within the light's share serves again as the first coordinate on the triangle. Points of the unit square
+    beyond its diagonal are folded back into the triangle.
+    """
+    x, y = sobol(first[..., None] + np.arange(samples))
+    x = np.broadcast_to(x ^ hash_u32(key, 0)[:, None], (len(key), samples)).astype(np.uint64)
+    y = np.broadcast_to(y ^ hash_u32(key, 1)[:, None], (len(key), samples))
+    scaled = x * lights.begin[-1]
+    light = np.searchsorted(lights.begin, scaled >> np.uint64(32), side="right") - 1
+    within = scaled - (lights.begin[light] << np.uint64(32))
+    u = uniform((within // (lights.begin[light + 1] - lights.begin[light])).astype(np.uint32))
+    v = uniform(y)
+    fold = u + v > 1
+    one = np.float32(1)
+    return light, np.where(fold, one - u, u), np.where(fold, one - v, v)
