@@ -17,7 +17,9 @@ def blend(operands: np.ndarray) -> np.ndarray:
     """
     count = operands["count"].astype(np.int64)
     updates = np.minimum(count + 1, COUNT_MAX)
-    alpha = np.maximum(float_divide(np.float32(1), (count + 1).astype(np.float32)), operands["alpha_min"])[:, None]
+    alpha = np.maximum(float_divide(np.ones(1, np.float32), (count + 1).astype(np.float32)), operands["alpha_min"])[
+        :, None
+    ]
     old, sample = operands["irradiance"], operands["sample"]
     moved = float_add(old, float_multiply(alpha, float_add(sample, old, subtract=True)))
     out = np.zeros(len(operands), dtype=BLENDED)

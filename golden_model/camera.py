@@ -36,7 +36,7 @@ class View:
 
 @quiet
 def look_at(
-    position: np.ndarray, target: np.ndarray, up: np.ndarray, fov_y_tan: np.ndarray | float, width: int, height: int
+    position: np.ndarray, target: np.ndarray, up: np.ndarray, fov_y_tan: np.float32 | float, width: int, height: int
 ) -> View:
     """The view from `position` to `target` ((3,) float32 each); `fov_y_tan` is tan of half the vertical field of view.
 

@@ -27,8 +27,11 @@ def exposure_for(image: np.ndarray, percentile: float = 98.0, level: float = 0.8
     return float(level / np.percentile(lit, percentile)) if lit.size else 1.0
 
 
-def tonemap(image: np.ndarray, exposure: float = 1.0) -> np.ndarray:
-    """Linear light (H, W, 3) to 8-bit sRGB (H, W, 3).
+def tonemap(image: np.ndarray, exposure: float = 1.0, pixels: int = 1) -> np.ndarray:
+    """Linear light (H, W, 3) to 8-bit sRGB (H // pixels, W // pixels, 3).
+
+    With `pixels` > 1 each square of so many pixels a side becomes one: edges become smooth. They are averaged as
+    displayed, so that the edge of a light is smooth too.
 
     The brightest channel stays linear up to `SHOULDER` and from there approaches 1 without reaching it; the others
     keep their ratio to it. So bright walls keep their colour and their gradients, and lights are not merely white.
@@ -39,6 +42,10 @@ def tonemap(image: np.ndarray, exposure: float = 1.0) -> np.ndarray:
     over = np.maximum(peak - SHOULDER, 0)
     room = 1 - SHOULDER
     display = linear * np.where(over > 0, (SHOULDER + room * over / (over + room)) / np.maximum(peak, 1e-30), 1.0)
+    if pixels > 1:
+        height, width = display.shape[0] // pixels, display.shape[1] // pixels
+        squares = display[: height * pixels, : width * pixels].reshape(height, pixels, width, pixels, 3)
+        display = squares.mean(axis=(1, 3))
     encoded = np.where(
         display <= 0.0031308, 12.92 * display, 1.055 * np.maximum(display, 0.0031308) ** (1 / 2.4) - 0.055
     )

@@ -21,6 +21,8 @@ def test_tonemap_is_srgb_below_the_shoulder_and_monotonic_above() -> None:
     half = tonemap(np.full((1, 1, 3), 0.5))[0, 0, 0]
     assert half == 188  # sRGB of linear 0.5
     assert tonemap(np.full((1, 1, 3), 0.25), exposure=2)[0, 0, 0] == half
+    checkers = np.indices((8, 6)).sum(axis=0)[..., None] % 2 * np.ones(3) * 0.5
+    assert (tonemap(checkers, pixels=2) == tonemap(np.full((4, 3, 3), 0.25))).all()
 
 
 def test_tonemap_keeps_the_colour_of_a_light() -> None:
@@ -51,7 +53,7 @@ def test_png_reads_back(tmp_path: Path) -> None:
 @pytest.mark.parametrize("dtype", [np.float32, np.float16])
 @pytest.mark.parametrize("channels", [3, 4])
 def test_exr_reads_back_all_bits(tmp_path: Path, dtype: type, channels: int) -> None:
-    image = np.random.default_rng(0).normal(size=(6, 9, channels)).astype(dtype)
+    image: np.ndarray = np.random.default_rng(0).normal(size=(6, 9, channels)).astype(dtype)
     write_exr(tmp_path / "a.exr", image)
     with OpenEXR.File(str(tmp_path / "a.exr")) as file:
         pixels = file.channels()["RGB" if channels == 3 else "RGBA"].pixels
