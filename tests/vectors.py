@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from golden_model import bitpack
 from golden_model.formats import field_width
 from golden_model.units import UNITS
 
@@ -161,6 +162,11 @@ def _mixed(rng: Rng, count: int) -> np.ndarray:
     return np.choose(kind, [_bits(rng, count), _local(rng, count), rng.choice(VALUES, count)]).astype(np.uint32)
 
 
+def _widened(bits: np.ndarray) -> np.ndarray:
+    """The bits of float32 numbers to float64."""
+    return bits.view(np.float32).astype(np.float64)
+
+
 def _narrowed(values: np.ndarray) -> np.ndarray:
     """float64 to the bits of the nearest float32."""
     with np.errstate(all="ignore"):
@@ -183,7 +189,7 @@ def _partners(rng: Rng, a: np.ndarray, inverse: Callable[[np.ndarray, np.ndarray
     apart = _with_exponent(_bits(rng, count), _exponents(a) + rng.integers(-27, 28, count))
     end = np.where(rng.random(count) < 0.7, LEAST, BEYOND) * (1 + rng.integers(-4, 5, count) * 2.0**-25)
     with np.errstate(all="ignore"):
-        at_end = _nudged(rng, _narrowed(inverse(end, a.view(np.float32).astype(np.float64))), 1)
+        at_end = _nudged(rng, _narrowed(inverse(end, _widened(a))), 1)
     kind = rng.integers(0, 4, count)
     return np.choose(kind, [_mixed(rng, count), close, apart, at_end]).astype(np.uint32)
 
@@ -197,7 +203,7 @@ def _near_products(name: str, values: np.ndarray, count: int, rng: Rng) -> np.nd
     scale = 2.0 ** rng.integers(-60, 40, part)
     quads = [(p * q * scale, r * s / scale, p * r * scale, q * s / scale)]
     # The nearest float32 to a*b/c: the difference is about the rounding error of d.
-    a, b, c = (_local(rng, part).view(np.float32).astype(np.float64) for _ in range(3))
+    a, b, c = (_widened(_local(rng, part)) for _ in range(3))
     quads.append((a, b, c, a * b / c))
     # The same factors, swapped.
     quads.append((a, b, b, a))
@@ -262,3 +268,19 @@ def describe(record: np.void) -> str:
         raw = int(value) if value.dtype == np.bool_ else int(value.view(f"<u{value.itemsize}"))
         parts.append(f"{field}=0x{raw:0{-(-field_width(record.dtype[field]) // 4)}x}")
     return " ".join(parts)
+
+
+def differences(operands: np.ndarray, source: str, results: dict[str, np.ndarray]) -> str:
+    """Where the results differ from the first of them: how often, and the first such vector in hex; else "".
+
+    `source` says how to make the operands again, `results` names each array (N,).
+    """
+    (reference, expected), *others = results.items()
+    for name, found in others:
+        wrong = np.flatnonzero(~bitpack.equal(found, expected))
+        if wrong.size:
+            k = wrong[0]
+            values = f"{reference} {describe(expected[k])}, {name} {describe(found[k])}"
+            first = f"first, vector {k} of {source}: {describe(operands[k])}: {values}"
+            return f"{wrong.size} of {len(operands)} differ; {first}"
+    return ""

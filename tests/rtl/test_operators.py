@@ -1,0 +1,90 @@
+"""The number units' Verilog against the golden model and SoftFloat in all bits, and what their depth promises."""
+
+import dataclasses
+import gc
+import warnings
+
+import numpy as np
+import pytest
+from amaranth.hdl import Fragment, UnusedElaboratable
+
+from gen.verilog import verilog_of
+from golden_model.units import OPERATORS
+from rtl.catalogue import CATALOGUE
+from rtl.config import PRESETS, Config
+from rtl.pipeline import StepCore, StreamUnit
+from sim.bulk import BulkUnit
+from tests.softfloat import softfloat_results
+from tests.vectors import corner_vectors, differences, random_vectors
+
+SEED = 20250102
+RANDOM = 200_000
+DEPTHS = [field.name for field in dataclasses.fields(Config) if field.name.endswith("_depth")]
+
+
+def combinational() -> Config:
+    """Depth 0 everywhere: what the deepest logic computes."""
+    return dataclasses.replace(PRESETS["tiny"], **dict.fromkeys(DEPTHS, 0))
+
+
+def latency(name: str, config: Config) -> int:
+    unit = CATALOGUE[name](config)
+    Fragment.get(unit, None)  # Amaranth warns of components that are never elaborated
+    return unit.latency
+
+
+def check(name: str, config: Config) -> None:
+    operands = np.concatenate([corner_vectors(name), random_vectors(name, RANDOM, SEED)])
+    bulk = BulkUnit(name, config)
+    results = {
+        "model": OPERATORS[name].model(operands),
+        "SoftFloat": softfloat_results(name, operands),
+        "RTL": bulk.run(operands),
+    }
+    report = differences(operands, f"corner_vectors + random_vectors({name!r}, {RANDOM}, {SEED})", results)
+    assert not report, report
+    assert bulk.latency == latency(name, config)
+
+
+@pytest.mark.parametrize("preset", ["base", "tiny"])
+@pytest.mark.parametrize("name", OPERATORS)
+def test_verilog_agrees(name: str, preset: str) -> None:
+    check(name, PRESETS[preset])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", OPERATORS)
+def test_verilog_agrees_at_the_other_depths(name: str) -> None:
+    check(name, PRESETS["full"])
+    check(name, combinational())
+
+
+@pytest.mark.parametrize("name", OPERATORS)
+def test_every_depth_up_to_the_number_of_steps(name: str) -> None:
+    (core,) = (core for core in StepCore.__subclasses__() if core.unit_name == name)
+    steps = len(core.steps())
+    for depth in range(steps + 1):
+        unit = StreamUnit(core(depth), tag_width=4)
+        assert unit.latency == depth
+        Fragment.get(unit, None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnusedElaboratable)  # of the refused ones
+        for depth in (-1, steps + 1):
+            with pytest.raises(ValueError, match=f"{name}: depth must be 0 to {steps}, not {depth}"):
+                core(depth)
+        gc.collect()
+
+
+def test_a_wrong_bit_is_found() -> None:
+    """The comparison itself: Verilog with a changed constant must not pass."""
+    good = verilog_of("float_compare", PRESETS["tiny"])
+    broken = good.replace("8'hff", "8'hfe")
+    assert broken != good
+    operands = corner_vectors("float_compare")
+    results = {
+        "model": OPERATORS["float_compare"].model(operands),
+        "RTL": BulkUnit("float_compare", PRESETS["tiny"], verilog=broken).run(operands),
+    }
+    report = differences(operands, "corner_vectors('float_compare')", results)
+    assert "differ; first, vector " in report
+    assert "a=0x" in report
