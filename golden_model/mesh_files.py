@@ -2,6 +2,7 @@
 
 import json
 import logging
+import re
 import struct
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from golden_model.errors import InputError
+from golden_model.floats import quiet
 from golden_model.obj_file import load_obj
 from golden_model.scene import DEFAULT_ALBEDO, Part
 
@@ -49,6 +51,8 @@ def _load_with_trimesh(path: Path) -> list[Part]:
             if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
                 continue
             parts.append(_part(path, str(node), mesh, np.asarray(transform, dtype=np.float64), materials))
+            if kind == "ply" and len(mesh.faces) < _ply_faces(data):
+                raise ValueError(f"it holds {len(mesh.faces)} of {_ply_faces(data)} faces")
     except InputError:
         raise
     except Exception as error:
@@ -84,6 +88,7 @@ def _part(path: Path, name: str, mesh: Any, transform: np.ndarray, materials: di
     )
 
 
+@quiet
 def transformed(points: np.ndarray, matrix: np.ndarray, shift: np.ndarray) -> np.ndarray:
     """(..., 3) float64 points by a 3x3 matrix and a translation, in ordered multiplies and adds."""
     x, y, z = points[..., 0], points[..., 1], points[..., 2]
@@ -92,8 +97,9 @@ def transformed(points: np.ndarray, matrix: np.ndarray, shift: np.ndarray) -> np
     )
 
 
+@quiet
 def determinant(m: np.ndarray) -> float:
-    """Of a 3x3 matrix."""
+    """Of a 3x3 matrix; of one that is too large perhaps NaN, but its vertices will be refused."""
     return float(
         m[0, 0] * (m[1, 1] * m[2, 2] - m[1, 2] * m[2, 1])
         - m[0, 1] * (m[1, 0] * m[2, 2] - m[1, 2] * m[2, 0])
@@ -115,6 +121,12 @@ def _glb_materials(data: bytes) -> dict[str, Material]:
         )
         out[material.get("name", f"material_{number}")] = tuple(base[:3]), tuple(strength * x for x in glow)
     return out
+
+
+def _ply_faces(data: bytes) -> int:
+    """The number of faces that the header announces: trimesh takes an ASCII file that ends early for a smaller one."""
+    found = re.search(rb"^element face (\d+)\s*$", data[:8192], flags=re.MULTILINE)
+    return int(found[1]) if found else 0
 
 
 _LOADERS = {".obj": load_obj, ".ply": _load_with_trimesh, ".glb": _load_with_trimesh}

@@ -6,6 +6,7 @@ area lights shine from their front only. Radiance, irradiance and so on are RGB 
 unit of length is taken for the metre.
 """
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -100,7 +101,7 @@ class Scene:
         """Corners of the triangles, (T, 3, 3) float32."""
         return np.stack([self.triangles["v0"], self.triangles["v1"], self.triangles["v2"]], axis=1)
 
-    @property
+    @functools.cached_property
     def offset(self) -> np.float32:
         """How far off a surface rays start: 2**-17 of the largest coordinate (rounded up to a power of two).
 

@@ -216,7 +216,7 @@ def _camera(scene: Table) -> tuple[Camera | None, tuple[Keyframe, ...]]:
         if table.text("builtin") != "cornell-box" or len(table.values) > 1:
             raise InputError(f'{where}: `builtin` must be "cornell-box", alone')
         return CAMERA, PATH
-    keys = []
+    keys: list[Keyframe] = []
     for key in table.tables("path", ("frame", "position", "target")):
         frame = key.need("frame")
         if not isinstance(frame, int) or isinstance(frame, bool) or frame < 0:

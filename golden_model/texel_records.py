@@ -5,6 +5,8 @@ chart when the chart enters the open square of side two around its centre. Where
 nearest point of the chart stands for it: reads at the border of a chart meet values of the surface, never zeros.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from golden_model.formats import TEXEL
@@ -66,7 +68,7 @@ def texel_records(
     return texels, charts
 
 
-def _candidates(uv: np.ndarray, width: int, height: int):  # type: ignore[no-untyped-def]
+def _candidates(uv: np.ndarray, width: int, height: int) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """(triangle, texel, centre) of all pairs whose bounding boxes come within a texel, some at a time."""
     low = np.clip(np.ceil(uv.min(axis=1) - 1.5).astype(np.int64), 0, [width - 1, height - 1])
     high = np.clip(np.floor(uv.max(axis=1) + 0.5).astype(np.int64), 0, [width - 1, height - 1])
