@@ -74,7 +74,8 @@ def _spread(source: np.ndarray, chart: np.ndarray | None) -> np.ndarray:
     """
     height, width = source.shape
     settled = source >= 0
-    row, column = np.arange(height)[:, None] + 0 * source, np.arange(width) + 0 * source
+    row = np.broadcast_to(np.arange(height)[:, None], source.shape)
+    column = np.broadcast_to(np.arange(width), source.shape)
     source = source.copy()
     distance = np.where(settled, 0, np.iinfo(np.int64).max)
     changed = not settled.all() and bool(settled.any())

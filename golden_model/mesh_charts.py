@@ -83,7 +83,7 @@ def _with_strays(
 
 def _read(path: Path, faces: int) -> ObjectCharts | None:
     try:
-        with np.load(path) as kept:
+        with path.open("rb") as file, np.load(file) as kept:
             width, height = (int(n) for n in kept["size"])
             charts = ObjectCharts(width, height, kept["uv"], kept["chart"])
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):

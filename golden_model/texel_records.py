@@ -14,7 +14,7 @@ from golden_model.lightmap import VALID
 from golden_model.mesh import area_vectors, cross, dot
 
 MARGIN = 1.0 / 16
-"""Points keep this distance, in texels, from the edges of their triangle, so that none lies in a wall that meets it."""
+"""Points keep this distance, in texels, from the border of their chart, so that none lies in a wall that meets it."""
 
 CHUNK = 1 << 20  # pairs of triangle and texel worked on at a time: bounds the memory
 
@@ -53,7 +53,7 @@ def texel_records(
     used = np.flatnonzero(owner >= 0)
     face = owner[used]
     centre = np.stack([used % width + 0.5, used // width + 0.5], axis=1)
-    weight = _inside(_nearest(wide[face], centre)[0], wide[face], margin)
+    weight = _inside(_nearest(wide[face], centre)[0], wide[face], margin * _border(uv, chart)[face])
     point = _weighted(weight, corners[face].astype(np.float64))
     normal = _unit(_weighted(weight, normals[face].astype(np.float64)))
     # Opposite normals at the corners of one triangle can cancel; then the face's own normal serves.
@@ -128,18 +128,32 @@ def _nearest(triangle: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.n
     return weight, best
 
 
-def _inside(weight: np.ndarray, triangle: np.ndarray, margin: float) -> np.ndarray:
-    """Moves points given by weights (N, 3) to `margin` or more from each edge; in small triangles to weights of 1/8."""
+def _border(uv: np.ndarray, chart: np.ndarray) -> np.ndarray:
+    """Which edges (F, 3) lie on the border of their chart: no other triangle of the chart has the same two ends."""
+    a, b = uv.reshape(-1, 2), np.roll(uv, -1, axis=1).reshape(-1, 2)
+    swapped = ((a[:, 0] > b[:, 0]) | ((a[:, 0] == b[:, 0]) & (a[:, 1] > b[:, 1])))[:, None]
+    owner = np.repeat(chart, 3)[:, None].astype(np.float64)
+    keys = np.concatenate([np.where(swapped, b, a), np.where(swapped, a, b), owner], axis=1)
+    _, edge, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    return (count[edge.reshape(-1)] == 1).reshape(-1, 3)
+
+
+def _inside(weight: np.ndarray, triangle: np.ndarray, margin: np.ndarray) -> np.ndarray:
+    """Moves points, given by weights (N, 3), to at least `margin` (N, 3) from each edge; at most to weights of 1/8."""
     edge = _edges(triangle)
     area = np.abs(edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0])
     # The height over edge k + 1, opposite corner k, is the doubled area over the edge's length.
-    length = np.sqrt(np.roll(edge, -1, axis=1)[..., 0] ** 2 + np.roll(edge, -1, axis=1)[..., 1] ** 2)
-    least = np.where(length * margin < area[:, None] / 8, length * margin / np.where(area > 0, area, 1)[:, None], 1 / 8)
-    out = np.maximum(weight, least)
-    excess = out[:, 0] + out[:, 1] + out[:, 2] - 1.0
-    row, largest = np.arange(len(out)), np.argmax(out, axis=1)
-    out[row, largest] -= excess
-    return out
+    reach = np.roll(np.sqrt(edge[..., 0] ** 2 + edge[..., 1] ** 2) * margin, -1, axis=1)
+    least = np.where(reach < area[:, None] / 8, reach / np.where(area > 0, area, 1)[:, None], 1 / 8)
+    raised = weight < least
+    fixed, free = np.where(raised, least, 0.0), np.where(raised, 0.0, weight)
+    # The other weights shrink together, so that the point moves towards the raised corners and nowhere else.
+    rest = (1.0 - _total(fixed)) / _total(free)
+    return np.where(raised, least, weight * rest[:, None])
+
+
+def _total(weight: np.ndarray) -> np.ndarray:
+    return weight[:, 0] + weight[:, 1] + weight[:, 2]
 
 
 def _weighted(weight: np.ndarray, values: np.ndarray) -> np.ndarray:
