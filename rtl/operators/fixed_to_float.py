@@ -30,7 +30,8 @@ def normalise(m: Module, *, absolute: Value, zeros: Value, fraction: Value, sign
 def round_float(m: Module, *, scaled: Value, exponent: Value, sign: Value) -> dict[str, Any]:
     """The exponent stays between 96 and 159, so there is neither overflow nor underflow."""
     kept, guard, sticky = scaled[8:31], scaled[7], scaled[:7].any()
-    packed, z = Signal(31), Signal(32)  # z stays 0 for 0
+    packed = Signal(31)
+    z = Signal(32)  # z stays 0 for 0
     m.d.comb += packed.eq(Cat(kept, exponent) + (guard & (sticky | kept[0])))
     with m.If(scaled[31]):
         m.d.comb += z.eq(Cat(packed, sign))

@@ -12,9 +12,15 @@ from rtl.pipeline import Step, StepCore
 def order(m: Module, *, a: Value, b: Value, subtract: Value) -> dict[str, Any]:
     """The operand of greater magnitude goes first, so that the difference below is never negative."""
     x, y = unpack(m, a, "x"), unpack(m, b, "y")
-    sign_y, swap, differ, infinite = Signal(), Signal(), Signal(), Signal()
-    ahead, behind, distance = Signal(9), Signal(9), Signal(8)
-    greater, smaller = Signal(24), Signal(24)
+    sign_y = Signal()
+    swap = Signal()
+    differ = Signal()
+    infinite = Signal()
+    ahead = Signal(9)
+    behind = Signal(9)
+    distance = Signal(8)
+    greater = Signal(24)
+    smaller = Signal(24)
     m.d.comb += [
         sign_y.eq(y.sign ^ subtract),
         differ.eq(x.sign ^ sign_y),

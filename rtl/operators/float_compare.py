@@ -15,7 +15,9 @@ def magnitude_less(a: Value, b: Value) -> Value:
 
 def compare(m: Module, *, a: Value, b: Value) -> dict[str, Any]:
     x, y = unpack(m, a, "x"), unpack(m, b, "y")
-    equal, less, unordered = Signal(), Signal(), Signal()
+    equal = Signal()
+    less = Signal()
+    unordered = Signal()
     m.d.comb += [
         unordered.eq(x.nan | y.nan),
         equal.eq((x.zero & y.zero) | (Value.cast(a) == b)),

@@ -29,8 +29,12 @@ def multiply(m: Module, *, a: Value, b: Value, c: Value, d: Value) -> dict[str, 
     q_low, q_high = rows(m, z.significand, w.significand, "q")
     p_zero, q_zero = x.zero | y.zero, z.zero | w.zero
     p_infinite, q_infinite = x.infinite | y.infinite, z.infinite | w.infinite
-    p_sign, q_sign, differ, infinite = Signal(), Signal(), Signal(), Signal()
-    p_exponent, q_exponent = Signal(9), Signal(9)
+    p_sign = Signal()
+    q_sign = Signal()
+    differ = Signal()
+    infinite = Signal()
+    p_exponent = Signal(9)
+    q_exponent = Signal(9)
     m.d.comb += [
         p_sign.eq(x.sign ^ y.sign),
         q_sign.eq(~(z.sign ^ w.sign)),
@@ -74,9 +78,12 @@ def add_rows(
     **rest: Any,
 ) -> dict[str, Any]:
     """The products, and which of them has the greater exponent; `sign` becomes that of the greater one."""
-    p, q = Signal(48), Signal(48)
-    ahead, behind = Signal(10), Signal(10)
-    swap, distance = Signal(), Signal(9)
+    p = Signal(48)
+    q = Signal(48)
+    ahead = Signal(10)
+    behind = Signal(10)
+    swap = Signal()
+    distance = Signal(9)
     m.d.comb += [
         p.eq(sum_of_rows(p_low, p_high)),
         q.eq(sum_of_rows(q_low, q_high)),
@@ -98,7 +105,8 @@ def add_rows(
 
 
 def align(m: Module, *, p: Value, q: Value, swap: Value, distance: Value, **rest: Any) -> dict[str, Any]:
-    greater, smaller = Signal(48), Signal(48)
+    greater = Signal(48)
+    smaller = Signal(48)
     m.d.comb += [greater.eq(Mux(swap, q, p)), smaller.eq(Mux(swap, p, q))]
     shifted, lost = shift_right(m, Cat(Const(0, 2), smaller), distance, "align")
     return {"greater": greater, "smaller": Cat(lost, shifted), **rest}
@@ -106,7 +114,9 @@ def align(m: Module, *, p: Value, q: Value, swap: Value, distance: Value, **rest
 
 def add(m: Module, *, greater: Value, smaller: Value, differ: Value, sign: Value, **rest: Any) -> dict[str, Any]:
     """The product with the greater exponent may still be the smaller one: both differences, then the positive one."""
-    forward, backward, negative = Signal(WIDTH + 1), Signal(WIDTH), Signal()
+    forward = Signal(WIDTH + 1)
+    backward = Signal(WIDTH)
+    negative = Signal()
     total = Signal(WIDTH + 1)
     wide = Cat(Const(0, 3), greater)
     m.d.comb += [

@@ -52,7 +52,8 @@ def round_quotient(
     nan: Value,
 ) -> dict[str, Any]:
     below = ~quotient[-1]  # the quotient is less than one
-    kept, biased = Signal(25), Signal(signed(10))
+    kept = Signal(25)
+    biased = Signal(signed(10))
     m.d.comb += [kept.eq(Mux(below, quotient, quotient[1:])), biased.eq(exponent - below)]
     sticky = remainder.any() | (~below & quotient[0])
     finite = rounded(m, sign=sign, exponent=biased, kept=kept[1:], guard=kept[0], sticky=sticky, name="finite")

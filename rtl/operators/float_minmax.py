@@ -14,7 +14,9 @@ def select(m: Module, *, a: Value, b: Value, maximum: Value) -> dict[str, Any]:
     Subnormals are zeros: of two zeros of one sign either may be taken, as both have the same bits in the end.
     """
     x, y = unpack(m, a, "x"), unpack(m, b, "y")
-    below, take_b, z = Signal(), Signal(), Signal(32)
+    below = Signal()
+    take_b = Signal()
+    z = Signal(32)
     magnitude_below = a[:31] < b[:31]
     m.d.comb += [
         below.eq(Mux(x.sign ^ y.sign, x.sign, magnitude_below ^ x.sign)),  # a < b

@@ -46,7 +46,8 @@ def add_rows(m: Module, *, low: Value, high: Value, **rest: Any) -> dict[str, An
 def normalise(m: Module, *, product: Value, exponent: Value, **rest: Any) -> dict[str, Any]:
     """The product of two significands in [1, 2) is in [1, 4): at most one place to move."""
     top = product[47]
-    kept, biased = Signal(25), Signal(signed(10))
+    kept = Signal(25)
+    biased = Signal(signed(10))
     m.d.comb += [kept.eq(Mux(top, product[23:], product[22:])), biased.eq(exponent + top)]
     sticky = product[:22].any() | (top & product[22])
     return {"kept": kept, "sticky": sticky, "exponent": biased, **rest}

@@ -16,7 +16,8 @@ REBIAS = 127 - 15
 def align(m: Module, *, a: Value) -> dict[str, Any]:
     """The significand moved to where binary16 has its last place: below 2**-14 that place is fixed."""
     x = unpack(m, a, "x")
-    exponent, distance = Signal(signed(9)), Signal(4)
+    exponent = Signal(signed(9))
+    distance = Signal(4)
     m.d.comb += exponent.eq(x.exponent - REBIAS)
     subnormal = exponent <= 0
     # 1 - exponent places; 13 and more give the same as 13: nothing but the sticky bit.
@@ -45,7 +46,8 @@ def round_half(
     sign: Value,
 ) -> dict[str, Any]:
     """Rounding may carry into the exponent: from subnormal to normal, and from 65504 to infinity."""
-    magnitude, z = Signal(15), Signal(16)
+    magnitude = Signal(15)
+    z = Signal(16)
     m.d.comb += magnitude.eq(Cat(kept, exponent) + (guard & (sticky | kept[0])))
     with m.If(nan):
         m.d.comb += z.eq(HALF_NAN)

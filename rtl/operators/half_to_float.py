@@ -37,7 +37,8 @@ def widen(
 ) -> dict[str, Any]:
     """A subnormal's highest one becomes the hidden one; everything else keeps its fraction."""
     scaled = shift_left(m, fraction, zeros, "scaled")
-    biased, digits = Signal(8), Signal(10)
+    biased = Signal(8)
+    digits = Signal(10)
     m.d.comb += [
         biased.eq(REBIAS + Mux(subnormal, -zeros, exponent)),
         digits.eq(Mux(subnormal, Cat(Const(0, 1), scaled), fraction)),
