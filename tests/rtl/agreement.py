@@ -1,5 +1,7 @@
 """Unit against model, in all bits, through the bulk harness."""
 
+import functools
+
 import numpy as np
 
 from golden_model import bitpack
@@ -23,13 +25,19 @@ def fields_in_hex(record: np.ndarray) -> str:
     return " ".join(parts)
 
 
+@functools.cache
+def bulk_unit(unit: str, preset: str) -> BulkUnit:
+    """The Verilated unit, built once a test run."""
+    return BulkUnit(unit, PRESETS[preset])
+
+
 def assert_agrees(unit: str, preset: str, operands: np.ndarray, origin: str) -> np.ndarray:
     """Runs operands (N,) through unit and model; returns the results. `origin` says how to make the operands again.
 
     The unit's latency must be the stated one, and it must take an operation a cycle.
     """
     assert len(operands)
-    bulk = BulkUnit(unit, PRESETS[preset])
+    bulk = bulk_unit(unit, preset)
     expected, got = UNITS[unit].model(operands), bulk.run(operands)
     wrong = np.flatnonzero(~bitpack.equal(expected, got))
     lines = [f"{unit} ({preset}, {origin}): {len(wrong)} of {len(operands)} results differ"]

@@ -6,8 +6,7 @@ from golden_model.bitpack import equal
 from golden_model.ray_triangle import ray_triangle
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
-from sim.bulk import BulkUnit
-from tests.rtl.agreement import assert_agrees
+from tests.rtl.agreement import assert_agrees, bulk_unit
 from verif.ray_vectors import ray_triangle_vectors
 
 SEED = 20130413
@@ -30,7 +29,7 @@ def test_agrees_with_the_model_on_millions(preset: str) -> None:
 
 def test_results_survive_stalls() -> None:
     operands = ray_triangle_vectors(20_000, SEED)
-    assert equal(BulkUnit("ray_triangle", PRESETS["tiny"]).run(operands, stall_seed=SEED), ray_triangle(operands)).all()
+    assert equal(bulk_unit("ray_triangle", "tiny").run(operands, stall_seed=SEED), ray_triangle(operands)).all()
 
 
 @pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS.keys())
