@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from golden_model.bitpack import equal
+from golden_model.brute_force import trace_brute_force
 from golden_model.bvh import build
 from golden_model.ray_triangle import ray_triangle
 from golden_model.recorder import TestRecorder
@@ -133,3 +134,16 @@ def test_the_meshes_are_closed() -> None:
         swap = [tuple(map(tuple, edge)) for edge in edges]
         ordered = [tuple(sorted(edge)) for edge in swap]
         assert {ordered.count(edge) for edge in set(ordered)} == {2}
+
+
+def test_the_rays_would_find_a_leak() -> None:
+    """Edges that belong to neither side let hundreds of them through."""
+
+    def without_edges(tests: np.ndarray) -> np.ndarray:
+        results = ray_triangle(tests)
+        results[(results["u"] == 0) | (results["v"] == 0) | (results["u"] + results["v"] >= 1)] = 0
+        return results
+
+    mesh = Mesh("sphere", 2, turned=True)
+    hits = trace_brute_force(mesh.bvh.triangles, mesh.rays(2000)[0], intersect=without_edges)
+    assert (hits["primitive"] < 0).sum() > 200
