@@ -1,0 +1,45 @@
+"""The tables in docs/UNIT.md say what the formats and the hardware say."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from golden_model import bitpack
+from golden_model.units import UNITS
+from rtl.catalogue import CATALOGUE
+from rtl.config import PRESETS
+
+DOCS = Path(__file__).parent.parent / "docs"
+DOCUMENTED = [unit for unit in UNITS if (DOCS / f"{unit}.md").exists()]
+
+
+def payload(dtype: np.dtype) -> list[tuple[str, int, int]]:
+    """(field, highest bit, lowest bit) of each field, vectors as one."""
+    spans: dict[str, tuple[int, int]] = {}
+    for name, _, _, offset, width in bitpack.fields(dtype):
+        lowest = spans.get(name, (0, offset))[1]
+        spans[name] = offset + width - 1, lowest
+    return [(name, *span) for name, span in spans.items()]
+
+
+def test_the_ray_units_are_documented() -> None:
+    assert {"ray_setup", "ray_triangle"} <= set(DOCUMENTED)
+
+
+@pytest.mark.parametrize("unit", DOCUMENTED)
+def test_payload_tables(unit: str) -> None:
+    rows = re.findall(r"^\| `(\w+)` \| (\d+):(\d+) \|", (DOCS / f"{unit}.md").read_text(encoding="utf-8"), re.MULTILINE)
+    said = [(name, int(high), int(low)) for name, high, low in rows]
+    assert said == payload(UNITS[unit].input) + payload(UNITS[unit].output)
+
+
+@pytest.mark.parametrize("unit", DOCUMENTED)
+def test_latency_tables(unit: str) -> None:
+    rows = re.findall(
+        r"^\| (\w+) \| (\d+) \| (\d+) \|", (DOCS / f"{unit}.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    said = {preset: (int(latency), int(interval)) for preset, latency, interval in rows}
+    units = {preset: CATALOGUE[unit](config) for preset, config in PRESETS.items()}
+    assert said == {preset: (made.latency, made.initiation_interval) for preset, made in units.items()}
