@@ -3,12 +3,14 @@
 import dataclasses
 import gc
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
 from amaranth.hdl import Fragment, UnusedElaboratable
 
 from gen.verilog import verilog_of
+from golden_model.formats import field_width
 from golden_model.units import OPERATORS
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
@@ -17,6 +19,7 @@ from sim.bulk import BulkUnit
 from tests.softfloat import softfloat_results
 from tests.vectors import corner_vectors, differences, random_vectors
 
+DOCUMENTATION = Path(__file__).parents[2] / "docs" / "operators.md"
 SEED = 20250102
 RANDOM = 200_000
 DEPTHS = [field.name for field in dataclasses.fields(Config) if field.name.endswith("_depth")]
@@ -25,6 +28,11 @@ DEPTHS = [field.name for field in dataclasses.fields(Config) if field.name.endsw
 def combinational() -> Config:
     """Depth 0 everywhere: what the deepest logic computes."""
     return dataclasses.replace(PRESETS["tiny"], **dict.fromkeys(DEPTHS, 0))
+
+
+def core_of(name: str) -> type[StepCore]:
+    (core,) = (core for core in StepCore.__subclasses__() if core.unit_name == name)
+    return core
 
 
 def latency(name: str, config: Config) -> int:
@@ -61,7 +69,7 @@ def test_verilog_agrees_at_the_other_depths(name: str) -> None:
 
 @pytest.mark.parametrize("name", OPERATORS)
 def test_every_depth_up_to_the_number_of_steps(name: str) -> None:
-    (core,) = (core for core in StepCore.__subclasses__() if core.unit_name == name)
+    core = core_of(name)
     steps = len(core.steps())
     for depth in range(steps + 1):
         unit = StreamUnit(core(depth), tag_width=4)
@@ -88,3 +96,22 @@ def test_a_wrong_bit_is_found() -> None:
     report = differences(operands, "corner_vectors('float_compare')", results)
     assert "differ; first, vector " in report
     assert "a=0x" in report
+
+
+def test_documentation_states_the_ports_and_depths() -> None:
+    table = {}
+    for line in DOCUMENTATION.read_text().splitlines():
+        cells = [cell.strip() for cell in line.split("|")[1:-1]]
+        if len(cells) == 7 and cells[0].strip("`") in OPERATORS:
+            table[cells[0].strip("`")] = cells[2:]
+    stated = {}
+    for name, unit in OPERATORS.items():
+        parameter = table[name][2].strip("`")
+        depths = [str(getattr(config, parameter)) for config in PRESETS.values()]
+        assert depths == [str(latency(name, config)) for config in PRESETS.values()]
+        ports = [
+            ", ".join(f"`{field}` {field_width(dtype[field])}" for field in dtype.names or ())
+            for dtype in (unit.input, unit.output)
+        ]
+        stated[name] = [*ports, f"`{parameter}`", f"0–{len(core_of(name).steps())}", " / ".join(depths)]  # noqa: RUF001
+    assert table == stated
