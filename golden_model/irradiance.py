@@ -1,7 +1,7 @@
 """Converged irradiance by path tracing, without any lightmap: what the lightmaps are to come to.
 
-Every vertex of a path samples the lights (next-event estimation), so emission met by chance is not counted. Surfaces
-are diffuse and reflect on both sides; lights shine from their front.
+Every vertex of a path samples the lights (next-event estimation), and what its rays meet by chance is counted too, each
+by how likely it is to find the light. Surfaces are diffuse and reflect on both sides; lights shine from their front.
 
 A path goes on from a surface with the chance of its albedo's largest component (Russian roulette: throughput stays at
 most 1 and nothing is lost on average). Paths are cut after the first K vertices for which (largest albedo)**K < 2**-11:
@@ -15,12 +15,13 @@ import numpy as np
 from golden_model.directions import COUNT, ROTATIONS, cosine_table, rotation_table, tangent_of, to_world
 from golden_model.floats import flush, quiet
 from golden_model.formats import RAY
-from golden_model.lights import Lights, direct_candidates, lights_of
+from golden_model.lights import Lights, direct_candidates, lights_of, met_emission
 from golden_model.random import hash_u32, uniform
 from golden_model.scene import Scene
 from golden_model.tracer import Trace
-from golden_model.vectors import add, interpolate, normalize, scale
+from golden_model.vectors import add, interpolate, normalize, scale, subtract
 
+_PI = np.float32(3.1415927)
 BATCH = 1 << 17  # paths traced at a time: bounds the memory
 MOST_VERTICES = 512  # of a path, where an albedo is 1
 _DIRECT, _TURN, _ROULETTE, _DIRECTION, _LIGHT = range(5)  # what a hash is for
@@ -69,7 +70,9 @@ def _direct(
     lights: Lights, trace: Trace, position: np.ndarray, normal: np.ndarray, key: np.ndarray, first: int, samples: int
 ) -> np.ndarray:
     """Sum of `samples` estimates of the direct irradiance, (N, 3) float64."""
-    rays, weight = direct_candidates(lights, position, normal, hash_u32(key, _DIRECT), first=first, samples=samples)
+    rays, weight = direct_candidates(
+        lights, position, normal, hash_u32(key, _DIRECT), first=first, samples=samples, balanced=True
+    )
     return _in_order(weight * _open(trace, rays.reshape(-1)).reshape(rays.shape)[..., None]) * samples
 
 
@@ -92,10 +95,11 @@ def _indirect(
     first: int,
     samples: int,
 ) -> np.ndarray:
-    """Sum of `samples` estimates of the indirect irradiance, (N, 3) float64.
+    """Sum of `samples` estimates of the irradiance by cosine-distributed rays, (N, 3) float64.
 
     The density of directions is cosine / pi and a surface reflects albedo / pi of its irradiance, so pi cancels: each
-    vertex adds throughput times its direct irradiance, throughput being the product of the albedos so far.
+    vertex adds throughput times its direct irradiance, throughput being the product of the albedos so far. Emission
+    that a ray meets adds pi times throughput times what the light samples before left of it.
     """
     points = len(position)
     gathered = np.zeros((points * samples, 3), dtype=np.float32)
@@ -112,9 +116,12 @@ def _indirect(
         path, own, throughput, hits = path[met], own[met], throughput[met], hits[met]
         if not len(path):
             break
+        before, normal_before = place[met], facing[met]
         place, facing, albedo = _surface(scene, hits)
+        glow = met_emission(lights, hits["primitive"], hits["front"], subtract(place, before), normal_before)
+        gathered[path] += flush(throughput * flush(glow * _PI))
         throughput = flush(throughput * albedo)
-        shadow, weight = direct_candidates(lights, place, facing, hash_u32(own, _LIGHT, vertex))
+        shadow, weight = direct_candidates(lights, place, facing, hash_u32(own, _LIGHT, vertex), balanced=True)
         gathered[path] += flush(throughput * flush(weight[:, 0] * _open(trace, shadow[:, 0])[:, None]))
 
         chance = albedo.max(axis=1)

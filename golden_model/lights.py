@@ -20,6 +20,8 @@ from golden_model.scene import Scene
 from golden_model.vectors import add, cross, scale, subtract
 from golden_model.vectors import dot as dot4
 
+_INVERSE_PI = np.float32(0.31830987)
+
 WEIGHT_BITS = 31
 """The whole-number weights by which lights are chosen add up to less than 2**WEIGHT_BITS."""
 
@@ -46,6 +48,8 @@ class Lights:
     """A light k is chosen for whole numbers begin[k] <= x < begin[k + 1], (K + 1,) uint64."""
     share: np.ndarray
     """One over the chance to be chosen, (K,) float32; for triangles halved, because `doubled` is twice the area."""
+    of_triangle: np.ndarray
+    """The light that each triangle of the scene is, (T,) int32, -1 where it does not shine."""
     offset: np.float32
     """How far off surfaces rays start, `Scene.offset`."""
 
@@ -77,6 +81,8 @@ def lights_of(scene: Scene) -> Lights:
     share = begin[-1].astype(np.float64) / weight.astype(np.float64) * np.where(point, 1.0, 0.5)
     # Unit normals by way of float64: the squares of small triangles' areas would be flushed.
     unit = vectors / np.sqrt(dot(vectors, vectors))[:, None]
+    of_triangle = np.full(len(scene.triangles), -1, dtype=np.int32)
+    of_triangle[shining] = np.arange(len(shining))
     lift = np.concatenate([(unit * np.float64(scene.offset)).astype(np.float32), nothing])
     return Lights(
         origin=np.concatenate([corners[:, 0], points["position"]]),
@@ -88,6 +94,7 @@ def lights_of(scene: Scene) -> Lights:
         point=point,
         begin=begin,
         share=share.astype(np.float32),
+        of_triangle=of_triangle,
         offset=scene.offset,
     )
 
@@ -101,6 +108,7 @@ def direct_candidates(
     *,
     first: np.ndarray | int = 0,
     samples: int = 1,
+    balanced: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Shadow rays and weights for points (N, 3) with unit normals (N, 3): RAY (N, S), float32 (N, S, 3).
 
@@ -111,6 +119,10 @@ def direct_candidates(
     A light's back and points behind the surface bring nothing: their weights are zero and their rays (t_max 0) hit
     nothing and need not be traced. Without lights all are so. The sum over S of the weights that are not blocked is
     the irradiance: 1/S is in the weights.
+
+    `balanced` is for callers who trace as many cosine-distributed rays from the point and add `met_emission` of what
+    they hit: each of the two ways to find a light then counts by how likely it is (the balance heuristic of Veach
+    1997), so that a light close by cannot bring a few enormous samples.
     """
     count = len(position)
     rays = np.zeros((count, samples), dtype=RAY)
@@ -121,20 +133,57 @@ def direct_candidates(
 
     target = add(add(lights.origin[light], scale(lights.edge1[light], u)), scale(lights.edge2[light], v))
     toward = subtract(target, position[:, None, :])
-    square = dot4(toward, toward)
-    incoming = flush(dot4(np.broadcast_to(normal[:, None, :], toward.shape), toward) / square)
-    outgoing = flush(dot4(-lights.doubled[light], toward) / square)
-    # A point light has no cosine of its own: 1 / distance stands in for what `outgoing` is for a triangle.
-    outgoing = np.where(lights.point[light], flush(np.float32(1) / np.sqrt(square)), outgoing)
-    factor = flush(flush(incoming * outgoing) * flush(lights.share[light] / np.float32(samples)))
-    lit = (incoming > 0) & (outgoing > 0) & np.isfinite(factor)
-    weight[...] = np.where(lit[..., None], scale(lights.emitted[light], factor), np.float32(0))
+    factor = _transfer(lights, light, toward, np.broadcast_to(normal[:, None, :], toward.shape))
+    lit = factor > 0
+    if balanced:
+        factor = np.where(lights.point[light], factor, flush(factor / _one_plus(factor)))
+    weight[...] = scale(lights.emitted[light], flush(factor / np.float32(samples)))
 
     start = add(position, scale(normal, lights.offset))
     rays["origin"] = start[:, None, :]
     rays["direction"] = subtract(add(target, lights.lift[light]), start[:, None, :])
     rays["t_max"] = lit
     return rays, weight
+
+
+@quiet
+def _transfer(lights: Lights, light: np.ndarray, toward: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Irradiance a unit of emission from sampled points of lights, over the density of the sample: (...) float32.
+
+    `toward` (..., 3) leads from the lit points, with unit `normal` (..., 3), to the samples. For a triangle this is
+    cosine * cosine / distance**2 * area over the light's chance. Zero where either side faces away.
+    """
+    square = dot4(toward, toward)
+    incoming = flush(dot4(normal, toward) / square)
+    outgoing = flush(dot4(-lights.doubled[light], toward) / square)
+    # A point light has no cosine of its own: 1 / distance stands in for what `outgoing` is for a triangle.
+    outgoing = np.where(lights.point[light], flush(np.float32(1) / np.sqrt(square)), outgoing)
+    factor = flush(flush(incoming * outgoing) * lights.share[light])
+    return np.where((incoming > 0) & (outgoing > 0) & np.isfinite(factor), factor, np.float32(0))
+
+
+def _one_plus(factor: np.ndarray) -> np.ndarray:
+    """1 + the density of cosine-distributed rays over that of light samples, which is the transfer over pi."""
+    return flush(np.float32(1) + flush(factor * _INVERSE_PI))
+
+
+@quiet
+def met_emission(
+    lights: Lights, primitive: np.ndarray, front: np.ndarray, toward: np.ndarray, normal: np.ndarray
+) -> np.ndarray:
+    """Radiance (N, 3) that cosine-distributed rays count for what they hit, where light samples are `balanced`.
+
+    Rays from points with unit `normal` (N, 3) hit triangles `primitive` (N,), on their front or not (N,), at `toward`
+    (N, 3) from the points.
+    """
+    radiance = np.zeros((len(primitive), 3), dtype=np.float32)
+    shines = np.flatnonzero((lights.of_triangle[primitive] >= 0) & front)
+    light = lights.of_triangle[primitive[shines]]
+    factor = _transfer(lights, light, toward[shines], normal[shines])
+    # The share of the rays: the transfer over pi, over one plus that.
+    share = flush(flush(factor * _INVERSE_PI) / _one_plus(factor))
+    radiance[shines] = scale(lights.emitted[light], share)
+    return radiance
 
 
 def _choose(
