@@ -5,21 +5,23 @@ import numpy as np
 from golden_model.floats import float_to_fixed
 from golden_model.scene import Scene
 
-HEADROOM_BITS = 6
+HEADROOM_BITS = 10
 
 
 def fraction_bits(scene: Scene) -> int:
     """Bits after the binary point for the accumulators of a scene: 0 to 31.
 
-    A contribution saturates at 2**31 / 2**fraction, at least 2**6 times the brightest emission of the scene (of point
-    lights: their irradiance at an eighth of the scene's longest side), and is resolved to 2**-24 of that emission. So
-    what saturates is the glare of samples within a hair's breadth of a light.
+    A contribution saturates at 2**31 / 2**fraction, at least 2**10 times the brightest emission of the scene (of point
+    lights: the irradiance of all of them from half the scene's longest side away), and is resolved to 2**-20 of it. So
+    what saturates is the rare glare of a light sample right beside the texel. Where a wall shines all the way into its
+    corners such samples carry a per cent of the light (with 6 bits of headroom it were eight).
     """
     brightest = float(scene.emission[np.unique(scene.material)].max(initial=0.0))
     if len(scene.point_lights):
         corners = scene.corners.reshape(-1, 3)
-        distance = float((corners.max(axis=0) - corners.min(axis=0)).max()) / 8
-        brightest = max(brightest, float(scene.point_lights["intensity"].max()) / (distance * distance))
+        distance = float((corners.max(axis=0) - corners.min(axis=0)).max()) / 2
+        intensity = float(scene.point_lights["intensity"].astype(np.float64).sum(axis=0).max())
+        brightest = max(brightest, intensity / (distance * distance))
     exponent = int(np.frexp(brightest)[1])  # brightest < 2**exponent
     return int(np.clip(31 - HEADROOM_BITS - exponent, 0, 31))
 

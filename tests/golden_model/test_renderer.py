@@ -1,0 +1,212 @@
+"""The frame loop: budget, turns, versions, repeatability, and light that comes out right."""
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from golden_model.bvh import build
+from golden_model.cornell_box import cornell_box
+from golden_model.errors import InputError
+from golden_model.floats import half_to_float
+from golden_model.irradiance import irradiance
+from golden_model.lightmap import VALID, bilinear, lightmap_coordinates
+from golden_model.recorder import TestRecorder
+from golden_model.renderer import Renderer, Sampling, render
+from golden_model.scene import Part, Scene, assemble, vector
+from golden_model.shading import readable, shade_pixels
+from golden_model.traversal import backend_of, trace
+
+COARSE = replace(cornell_box(), texel_size=50.0)
+SIZE: dict[str, Any] = {"width": 24, "height": 20}
+
+
+def closed_box(albedo: float, emission: float) -> Scene:
+    """The cube [0, 1]^3 seen from inside; the middle ninth of its ceiling shines."""
+    step = 1 / 3
+    corners, material = [], []
+    for axis in range(3):
+        for side in (0, 1):
+            for cell in range(9):
+                low_u, low_v = cell // 3 * step, cell % 3 * step
+                quad = np.zeros((4, 3))
+                quad[:, axis] = side
+                # Counter-clockwise around +axis, which is inwards at side 0.
+                quad[:, (axis + 1) % 3] = low_u + np.array([0, step, step, 0])
+                quad[:, (axis + 2) % 3] = low_v + np.array([0, 0, step, step])
+                order = [0, 1, 2, 3] if side == 0 else [3, 2, 1, 0]
+                corners += [quad[order][[0, 1, 2]], quad[order][[0, 2, 3]]]
+                material += [int(cell == 4 and (axis, side) == (1, 1))] * 2
+    part = Part(
+        name="box",
+        corners=np.array(corners, dtype=np.float32),
+        albedo=np.full((2, 3), albedo, dtype=np.float32),
+        emission=np.array([[0] * 3, [emission] * 3], dtype=np.float32),
+        material=np.array(material, dtype=np.int32),
+    )
+    return assemble(name="closed box", parts=[part], where="closed box", texel_size=1 / 16)
+
+
+@settings(max_examples=12, deadline=None)
+@given(budget=st.integers(1, 6000), directions=st.sampled_from([1, 4, 16]), light_samples=st.integers(1, 5))
+def test_budget_is_never_exceeded(budget: int, directions: int, light_samples: int) -> None:
+    """Counted where rays are traced, not where they are planned."""
+    sampling = Sampling(directions=directions, light_samples=light_samples, priming=2)
+    recorder = TestRecorder(1, 0)
+    options: dict[str, Any] = {"budget": budget, "sampling": sampling, "recorder": recorder, **SIZE}
+    if budget < sampling.cost:
+        with pytest.raises(InputError, match=f"--budget {budget}: one texel update takes {sampling.cost} rays"):
+            Renderer(COARSE, **options)
+        return
+    renderer = Renderer(COARSE, **options)
+    assert recorder.rays == renderer.priming_rays <= 2 * budget
+    for _ in range(3):
+        before = recorder.rays
+        result = renderer.frame()
+        assert recorder.rays - before == sum(result.maintenance.rays.values()) <= budget
+        assert result.maintenance.rays["indirect"] == directions * len(result.maintenance.texels)
+
+
+def test_every_texel_has_its_turn() -> None:
+    renderer = Renderer(COARSE, budget=3000, sampling=Sampling(priming=0), **SIZE)
+    valid = np.flatnonzero(renderer.lightmaps.texels["state"] == VALID)
+    frames = -(-len(valid) // (3000 // renderer.sampling.cost))
+    assert frames > 3
+    for _ in range(frames):
+        renderer.frame()
+    assert (renderer.state["count"][valid] > 0).all()
+    assert np.isin(renderer.state["count"][valid], [1, 2]).all()
+    assert (np.delete(renderer.state["count"], valid) == 0).all()
+    assert (renderer.state["frame"][valid] < frames).all()
+
+
+def test_same_seed_same_bits_on_both_backends() -> None:
+    backends = ["numpy", "numpy"] + (["numba"] if backend_of("auto") == "numba" else [])
+    runs = [list(render(COARSE, 3, budget=2000, seed=5, backend=name, **SIZE)) for name in backends]
+    other = list(render(COARSE, 3, budget=2000, seed=6, **SIZE))
+    for run in runs[1:]:
+        for one, two in zip(runs[0], run, strict=True):
+            assert one.image.tobytes() == two.image.tobytes()
+            assert one.gbuffer.tobytes() == two.gbuffer.tobytes()
+            assert one.lightmap.tobytes() == two.lightmap.tobytes()
+            assert one.maintenance.rays == two.maintenance.rays
+    assert (runs[0][2].image != other[2].image).any()
+
+
+def test_a_frame_reads_the_version_published_before_it() -> None:
+    renderer = Renderer(COARSE, budget=2000, **SIZE)
+    for number in range(3):
+        before, state = renderer.published, renderer.state.copy()
+        result = renderer.frame()
+        assert result.frame == number
+        assert result.lightmap is before
+        assert (result.image == shade_pixels(COARSE, renderer.lightmaps, readable(before), result.gbuffer)).all()
+        changed = np.flatnonzero(renderer.state != state)
+        assert len(changed) > 0
+        assert np.isin(changed, result.maintenance.texels).all()
+        assert (renderer.state["frame"][result.maintenance.texels] == number).all()
+        sampled = np.flatnonzero(renderer.state["count"] > 0)
+        shown = half_to_float(renderer.published["rgba"][sampled, :3])
+        assert (shown == renderer.state["irradiance"][sampled].astype(np.float16).astype(np.float32)).all()
+
+
+def test_first_frame_shows_the_whole_room() -> None:
+    """Priming leaves nothing black, with texels of which most have not been sampled yet."""
+    renderer = Renderer(COARSE, budget=2000, **SIZE)
+    assert (renderer.state["count"] > 0).mean() < 0.2
+    result = renderer.frame()
+    seen = result.gbuffer["primitive"] >= 0
+    assert (result.image[seen].max(axis=-1) > 0).all()
+    later = [renderer.frame() for _ in range(20)][-1]
+    # One more bounce a round: the first picture is nearly as bright as the converged one.
+    assert readable(result.lightmap).mean() == pytest.approx(readable(later.lightmap).mean(), rel=0.15)
+
+
+def test_camera_follows_its_path() -> None:
+    frames = list(render(COARSE, 12, budget=100, **SIZE))
+    assert (frames[0].gbuffer["depth"] != frames[11].gbuffer["depth"]).any()
+    still = list(render(replace(COARSE, camera_path=()), 2, budget=100, **SIZE))
+    assert (still[0].gbuffer == still[1].gbuffer).all()
+
+
+def test_closed_box_keeps_its_energy() -> None:
+    """All that a light of area s sends out is absorbed: the mean of E over the area A is pi L s / (A (1 - a))."""
+    albedo, emission = 0.6, 5.0
+    scene = closed_box(albedo, emission)
+    renderer = Renderer(scene, width=8, height=8, budget=40_000)
+    for _ in range(60):
+        renderer.frame()
+    rng = np.random.default_rng(0)
+    primitive = rng.integers(0, len(scene.triangles), 40_000)  # all of the same area
+    u, v = np.sort(rng.random((2, 40_000)).astype(np.float32), axis=0)
+    where = lightmap_coordinates(renderer.lightmaps, primitive, u, v - u)
+    found = bilinear(renderer.lightmaps, readable(renderer.published), scene.object_id[primitive], where)
+    expected = np.pi * emission * (1 / 9) / (6 * (1 - albedo))
+    # 1.1 % is missing: half of it is still under way (0.6 % after 200 frames), half lies between texels of this size.
+    assert found.mean(axis=0) == pytest.approx([expected] * 3, rel=0.015)
+    assert (found.mean(axis=0) < expected).all()
+
+
+def test_floor_of_the_cornell_box_against_path_tracing() -> None:
+    """The maps converge to the irradiance that is found without any map."""
+    scene = replace(cornell_box(), texel_size=30.0, camera_path=())
+    renderer = Renderer(scene, width=8, height=8, budget=50_000)
+    for _ in range(50):
+        renderer.frame()
+    texels = renderer.lightmaps.texels
+    floor = np.flatnonzero((texels["state"] == VALID) & (texels["object"] == scene.object_names.index("floor")))
+    chosen = floor[np.random.default_rng(0).choice(len(floor), 120, replace=False)]
+    nearest = partial(trace, build(scene.triangles))
+    exact = irradiance(scene, nearest, texels["position"][chosen], texels["normal"][chosen], 512)
+    ratio = renderer.state["irradiance"][chosen] / exact
+    assert np.median(ratio) == pytest.approx(1, abs=0.01)
+    assert renderer.state["irradiance"][chosen].sum() == pytest.approx(exact.sum(), rel=0.01)
+
+
+def test_what_cannot_be_rendered_is_refused() -> None:
+    dark = replace(COARSE, emission=np.zeros_like(COARSE.emission))
+    with pytest.raises(InputError, match="no light"):
+        Renderer(dark, budget=1000, **SIZE)
+    with pytest.raises(InputError, match="--size"):
+        Renderer(COARSE, width=0, height=4, budget=1000).frame()
+    wrongs: list[dict[str, Any]] = [
+        {"directions": 3},
+        {"directions": 0},
+        {"light_samples": 0},
+        {"alpha_min": 2},
+        {"priming": -1},
+    ]
+    for wrong in wrongs:
+        with pytest.raises(InputError):
+            Sampling(**wrong)
+
+
+def test_point_lights_alone() -> None:
+    scene = assemble(
+        name="plate",
+        parts=[
+            Part(
+                name="plate",
+                corners=np.array(
+                    [[[-1, 0, -1], [-1, 0, 1], [1, 0, 1]], [[-1, 0, -1], [1, 0, 1], [1, 0, -1]]], dtype=np.float32
+                ),
+                albedo=np.full((1, 3), 0.5, dtype=np.float32),
+                emission=np.zeros((1, 3), dtype=np.float32),
+                material=np.zeros(2, dtype=np.int32),
+            )
+        ],
+        where="plate",
+        point_lights=np.array([((0, 2, 0), (8, 4, 2))], dtype=COARSE.point_lights.dtype),
+        texel_size=0.1,
+    )
+    renderer = Renderer(scene, budget=20_000, **SIZE)
+    texels = renderer.lightmaps.texels
+    valid = texels["state"] == VALID
+    distance = texels["position"][valid].astype(np.float64) - vector((0, 2, 0))
+    square = (distance**2).sum(axis=1)
+    expected = np.array([8, 4, 2]) * (2 / square**1.5)[:, None]
+    assert np.allclose(renderer.state["irradiance"][valid], expected, rtol=1e-4)
