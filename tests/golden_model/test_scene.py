@@ -220,6 +220,21 @@ def test_committed_scenes_load(path: Path) -> None:
     require_light(scene)
 
 
+def test_the_documented_scene_loads(tmp_path: Path) -> None:
+    text = (SCENES.parent / "docs" / "scenes.md").read_text(encoding="utf-8")
+    example = re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)
+    assert len(example) == 1
+    path = tmp_path / "example.toml"
+    path.write_text(example[0], encoding="utf-8")
+    scene = load_scene(path)
+    assert scene.name == "example"
+    assert scene.object_names == ["short block", "floor", "lamp"]
+    assert len(scene.camera_path) == 2
+    assert len(scene.point_lights) == 1
+    assert scene.texel_size == 0.125
+    require_light(scene)
+
+
 def test_transforms_are_scale_then_rotation_then_translation(tmp_path: Path) -> None:
     write_cube(tmp_path)
     scene = _toml(tmp_path, "file='cube.obj'\nscale=[1, 2, 3]\nrotate=[1, 0, 0, 1]\ntranslate=[10, 0, 0]")
