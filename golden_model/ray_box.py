@@ -13,20 +13,22 @@ PAD_RELATIVE = np.float32(2.0**-19)
 """Pad as a part of the distance (greatest component) from the ray's origin to the farthest corner of the scene."""
 PAD_ABSOLUTE = np.float32(2.0**-26)
 """Pad for underflow, in the scene's unit, and once more in units of the direction's greatest component."""
+OUTWARDS = np.float32(2.0**-23)
+ONE = np.float32(1)
 
 
 @quiet
 def box_rays(prepared: np.ndarray, direction: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
     """What the box test needs of rays: PREPARED_RAY (N,), directions (N, 3) and the scene's box to float32 (9, N).
 
-    Rows: the origin plus the pad, rounded up (x, y, z); the origin minus the pad, rounded down; 1/direction.
+    Rows: the origin plus the pad (x, y, z); the origin minus the pad; 1/direction. The pad grows by twice the rounding
+    of the origin's own component, so that both are rounded outwards.
     """
-    origin = prepared["origin"].T
+    origin = np.ascontiguousarray(prepared["origin"].T)
     reach = np.maximum(np.abs(lower[:, None] - origin), np.abs(upper[:, None] - origin)).max(axis=0)
-    pad = PAD_RELATIVE * reach + PAD_ABSOLUTE * (np.abs(direction).max(axis=1) + np.float32(1))
-    above = np.nextafter(origin + pad, np.float32(np.inf))
-    below = np.nextafter(origin - pad, np.float32(-np.inf))
-    return np.concatenate([above, below, prepared["inverse"].T])
+    longest = np.abs(np.ascontiguousarray(direction.T)).max(axis=0)
+    pad = PAD_RELATIVE * reach + PAD_ABSOLUTE * (longest + ONE) + OUTWARDS * np.abs(origin)
+    return np.concatenate([origin + pad, origin - pad, prepared["inverse"].T])
 
 
 @quiet

@@ -64,7 +64,7 @@ def trace(
         # The triangle test misses for every other ray, so that none needs to start.
         ready = np.flatnonzero(
             ~np.isnan(prepared["shear"][:, 0])
-            & np.isfinite(prepared["origin"]).all(axis=1)
+            & np.isfinite(prepared["origin"].T).all(axis=0)
             & (prepared["t_min"] < prepared["t_max"])
         )
         slabs = box_rays(prepared, part["direction"], bvh.lower[0], bvh.upper[0])
