@@ -12,7 +12,8 @@ from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
 
 DOCS = Path(__file__).parent.parent / "docs"
-DOCUMENTED = [unit for unit in UNITS if (DOCS / f"{unit}.md").exists()]
+PAGES = {unit: DOCS / f"{unit}.md" for unit in UNITS}
+DOCUMENTED = [unit for unit, page in PAGES.items() if page.exists() and "| input field |" in page.read_text("utf-8")]
 
 
 def payload(dtype: np.dtype) -> list[tuple[str, int, int]]:
