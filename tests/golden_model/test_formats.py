@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from golden_model import bitpack, formats
@@ -102,6 +102,7 @@ def test_equality_is_of_bits() -> None:
     assert bitpack.equal(left, right).tolist() == [False, False, True]
 
 
+@settings(deadline=None)
 @given(st.integers(1, 32), st.integers(1, 32), st.data())
 def test_bit_fields_of_any_width(low: int, high: int, data: st.DataObject) -> None:
     dtype = np.dtype([("low", bits(low)), ("high", bits(high))])

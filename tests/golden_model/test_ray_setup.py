@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from golden_model.bitpack import equal
@@ -55,6 +55,7 @@ def test_usable_directions_keep_their_shear(direction: tuple[float, float, float
     assert np.isfinite(ray_setup(rays(np.zeros((1, 3)), np.array([direction])))["shear"]).all()
 
 
+@settings(deadline=None)
 @given(st.lists(st.floats(width=32), min_size=8, max_size=8))
 def test_result_is_canonical_and_the_shear_small(values: list[float]) -> None:
     ray = np.array([(values[:3], values[3:6], values[6], values[7])], dtype=RAY)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from golden_model.bitpack import equal
@@ -172,6 +172,7 @@ def test_unusable_directions_miss(direction: tuple[float, float, float]) -> None
     assert not shoot([1, 1, 1], direction)["hit"]
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.floats(width=32, allow_nan=False), min_size=6, max_size=6),
     st.lists(st.floats(-2, 2, width=32), min_size=6, max_size=6),
