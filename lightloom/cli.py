@@ -1,0 +1,84 @@
+"""The `lightloom` command: what every subcommand shares is here, each of them is a module of `lightloom.commands`.
+
+Exit codes: 0 done; 1 a comparison found a difference; 2 bad input, said in one line on stderr; 70 a fault of
+Lightloom's own, with its traceback; 130 interrupted. Whatever the code, outputs are whole or not there.
+"""
+
+import signal
+import sys
+import traceback
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+from typer.main import get_command
+
+from golden_model.errors import InputError
+from lightloom.commands import bench, compare, demo, emit, irradiance, render, trace
+
+DIFFERENT, BAD_INPUT, OWN_FAULT, INTERRUPTED, TERMINATED = 1, 2, 70, 130, 143
+
+app = typer.Typer(
+    help="Lightloom: hardware that keeps lightmaps alive. Verilog, the golden model, and the proof that they agree.",
+    epilog="Exit codes: 0 done, 1 a difference was found, 2 bad input, 130 interrupted. Outputs are written whole or "
+    "not at all. SCENE is an .obj, .ply or .glb file, or `cornell-box`, which is built in.",
+    rich_markup_mode=None,  # plain help: the same text in a terminal, in a pipe and in the documentation
+    add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+for _command in (
+    demo.demo,
+    render.render,
+    emit.emit,
+    trace.trace,
+    irradiance.irradiance,
+    compare.compare,
+    bench.bench,
+):
+    app.command()(_command)
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        print(f"lightloom {version('lightloom')}")
+        raise typer.Exit()
+
+
+@app.callback()
+def _lightloom(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and exit.", callback=_print_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Options before the command's name."""
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Runs one command line (without the program's name) and returns its exit code."""
+    try:
+        code = get_command(app).main(args=list(arguments) or ["--help"], prog_name="lightloom", standalone_mode=False)
+        sys.stdout.flush()
+        return code or 0
+    except (InputError, typer.TyperException) as error:
+        message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
+    except OSError as error:
+        message = f"{error.filename or 'standard output'}: {error.strerror or error}"
+    except MemoryError:
+        message = "not enough memory; use a smaller scene, a smaller --size or fewer rays"
+    except (KeyboardInterrupt, typer.Abort):
+        print("interrupted; nothing was written", file=sys.stderr)
+        return INTERRUPTED
+    except Exception:
+        traceback.print_exc()
+        return OWN_FAULT
+    print(f"error: {' '.join(message.split())}", file=sys.stderr)
+    return BAD_INPUT
+
+
+def main() -> None:
+    """The console entry point."""
+    # A polite kill unwinds like Ctrl-C, so that scratch files go.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
+    sys.exit(run(sys.argv[1:]))

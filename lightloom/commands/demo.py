@@ -1,0 +1,96 @@
+"""`lightloom demo`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lightloom.commands.options import Json, Size
+from lightloom.demo import DemoOptions
+from lightloom.inputs import at_least, image_size, seed_value
+
+_DEFAULT = DemoOptions()
+
+
+def demo(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder that everything is written to.")] = Path(
+        "build/demo"
+    ),
+    frames: Annotated[int, typer.Option("--frames", metavar="N", help="Frames of the film.")] = _DEFAULT.frames,
+    size: Size = f"{_DEFAULT.width}x{_DEFAULT.height}",
+    budget: Annotated[int, typer.Option("--budget", metavar="RAYS", help="Rays a frame at most.")] = _DEFAULT.budget,
+    replay_limit: Annotated[
+        int,
+        typer.Option(
+            "--replay-limit", metavar="N", help="Tests replayed at most; of more, a seeded sample of this size."
+        ),
+    ] = _DEFAULT.replay_limit,
+    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Seed of the render and of the sample.")] = (
+        _DEFAULT.seed
+    ),
+    json: Json = False,
+) -> None:
+    """Render, emit, replay: the main job, from a scene to a picture to proven Verilog.
+
+    Renders the Cornell box with a moving camera, its lightmaps maintained by ray tracing under a budget of rays a
+    frame; emits the Verilog of every unit; sends the ray-triangle tests that the render made through the Verilated
+    ray_triangle unit and compares every result with the golden model in all bits.
+
+    \b
+    In DIR, whole or not at all:
+      report.html         everything to look at, in one file
+      report.json         the same figures (replayed, mismatches, ...)
+      frames/NNNN.png     film.webp     contact-sheet.png
+      lightmap/NNNN.png   the lightmaps after that frame (.exr: irradiance in half floats)
+      verilog/            Verilog and manifest of every unit
+
+    Ends with exit code 1 if a single bit differs.
+
+    \b
+    Examples:
+      lightloom demo
+      lightloom demo --frames 8 --size 240x240 --out build/quick
+    """
+    from lightloom.console import Progress, print_json, print_table
+    from lightloom.demo import demo as run
+
+    width, height = image_size(size, _DEFAULT.supersample)
+    options = DemoOptions(
+        frames=at_least(frames, 1, "--frames"),
+        width=width,
+        height=height,
+        budget=budget,
+        replay_limit=at_least(replay_limit, 1, "--replay-limit"),
+        seed=seed_value(seed),
+    )
+    with Progress(quiet=json) as progress:
+        report = run(options, out, progress)
+    if json:
+        print_json(report)
+    else:
+        replayed, lightmap = report["replay"], report["render"]["lightmap"]
+        print_table(
+            "Lightloom demo",
+            ["", "figure"],
+            [
+                ["frames", len(report["render"]["frames"])],
+                ["texels maintained", lightmap["valid"]],
+                ["texel updates", lightmap["updates"]],
+                ["rays a frame, at most", report["render"]["budget"]],
+                *([f"{kind} rays", count] for kind, count in report["render"]["rays"].items()),
+                ["rays before the first frame", report["render"]["priming_rays"]],
+                ["ray-triangle tests", report["tests"]],
+                ["tests replayed through the Verilog", report["replayed"]],
+                ["mismatches", report["mismatches"]],
+                ["tests a second, simulated", round(replayed["vectors_per_second"])],
+                ["units emitted", len(report["units"])],
+                ["seconds", round(sum(report["seconds"].values()), 1)],
+            ],
+        )
+        for example in replayed["examples"]:
+            print(f"mismatch in test {example['number']}")
+            for side in ("operands", "golden_model", "verilog"):
+                print(f"  {side:<12} " + "  ".join(f"{name} {bits}" for name, bits in example[side].items()))
+        print(f"Open {out / 'report.html'}")
+    if report["mismatches"]:
+        raise typer.Exit(1)

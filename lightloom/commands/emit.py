@@ -1,0 +1,64 @@
+"""`lightloom emit`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lightloom.commands.options import Json
+from lightloom.inputs import choose
+from rtl.config import PRESET_SUMMARIES, PRESETS
+
+
+def emit(
+    units: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[UNIT]...", help="Names of units; all of them if none is given. --list shows them."),
+    ] = None,
+    preset: Annotated[
+        str, typer.Option("--preset", metavar="|".join(PRESETS), help="The hardware parameters; see above.")
+    ] = "base",
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder that the files are written to.")] = Path(
+        "build/verilog"
+    ),
+    list_units: Annotated[bool, typer.Option("--list", help="Print the table of units and write nothing.")] = False,
+    json: Json = False,
+) -> None:
+    from lightloom.console import Progress, print_json, print_table
+    from lightloom.emission import emit_units, unit_row
+    from rtl.catalogue import CATALOGUE
+
+    choose(preset, PRESETS, "preset")
+    names = [choose(name, CATALOGUE, "unit") for name in dict.fromkeys(units or CATALOGUE)]
+    if list_units:
+        rows = [unit_row(name, preset) for name in names]
+    else:
+        with Progress(quiet=json) as progress, progress.stage("Verilog", len(names)) as advance:
+            rows = emit_units(names, preset, out, advance)
+    if json:
+        print_json({"preset": preset, "out": None if list_units else str(out), "units": rows})
+        return
+    columns = ["unit", "computes", "latency", "interval", "bits in", "bits out"]
+    print_table(f"Units, preset {preset}", columns, [list(row.values()) for row in rows])
+    if not list_units:
+        print(f"Written to {out}")
+
+
+emit.__doc__ = "\n".join(
+    [
+        "Write the Verilog of units, with a manifest of each.",
+        "",
+        "Verilog-2001, one file and one module a unit; beside it a manifest (JSON) of ports, latency, initiation",
+        "interval, configuration and versions. The same units and preset give the same bytes.",
+        "",
+        "\b",
+        "Presets:",
+        *(f"  {name:<6} {PRESET_SUMMARIES[name]}" for name in PRESETS),
+        "",
+        "\b",
+        "Examples:",
+        "  lightloom emit",
+        "  lightloom emit ray_triangle ray_setup --preset full --out verilog",
+        "  lightloom emit --list",
+    ]
+)

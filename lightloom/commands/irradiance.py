@@ -1,0 +1,88 @@
+"""`lightloom irradiance`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lightloom.commands.options import Json, Scene, Seed, Traversal, npz
+
+POINTS = {"position": 3, "normal": 3}
+
+
+def irradiance(
+    scene: Scene,
+    points: Annotated[Path, npz("--points", "P", "The points: position (N,3) and normal (N,3), float32.")],
+    out: Annotated[Path, npz("--out", "E", "Where the result goes: irradiance (N,3) float32, RGB.")],
+    samples: Annotated[int, typer.Option("--samples", metavar="N", help="Paths a point.")] = 1024,
+    seed: Seed = 0,
+    backend: Traversal = "auto",
+    json: Json = False,
+) -> None:
+    """Irradiance of points in a scene, converged, without any lightmap.
+
+    Direct and indirect light by path tracing, in the units of the scene's emission. Twice the noise at a quarter of
+    the samples.
+
+    \b
+    Examples:
+      lightloom irradiance cornell-box --points points.npz --out irradiance.npz
+      lightloom irradiance room.glb --points points.npz --samples 16384 --out irradiance.npz
+    """
+    from functools import partial
+
+    import numpy as np
+
+    from golden_model.bvh import build
+    from golden_model.errors import InputError
+    from golden_model.irradiance import irradiance as converged
+    from golden_model.outputs import whole_file
+    from golden_model.scene import load_scene, require_light
+    from golden_model.traversal import BACKENDS, trace
+    from golden_model.vectors import normalize
+    from lightloom.console import Progress, print_json, print_table
+    from lightloom.inputs import at_least, choose, read_arrays, save_arrays, seed_value
+
+    choose(backend, BACKENDS, "backend")
+    at_least(samples, 1, "--samples")
+    arrays = read_arrays(points, POINTS, "--points")
+    position = arrays["position"]
+    with np.errstate(all="ignore"):
+        normal = normalize(arrays["normal"])
+    unusable = np.flatnonzero(~np.isfinite(position).all(axis=1) | ~np.isfinite(normal).all(axis=1))
+    if len(unusable):
+        raise InputError(
+            f"--points {points}: point {unusable[0]} has a position that is not finite or no usable normal; remove it"
+        )
+    stage = f"{len(position):,} points, {samples:,} paths each"
+    with Progress(quiet=json) as progress:
+        with progress.stage("Scene"):
+            loaded = load_scene(scene)
+            require_light(loaded)
+            tracer = partial(trace, build(loaded.triangles), backend=backend)
+        # Opened before the work, so that a place that cannot be written is found out before the work.
+        with whole_file(out) as scratch, scratch.open("wb") as file:
+            with progress.stage(stage, len(position) * samples) as advance:
+                told = 0
+
+                def tell(done: int, _: int) -> None:
+                    nonlocal told
+                    advance(done - told)
+                    told = done
+
+                result = converged(loaded, tracer, position, normal, samples, seed_value(seed), tell)
+            save_arrays(file, {"irradiance": result})
+    mean = result.mean(axis=0, dtype=np.float64).tolist() if len(result) else []
+    summary = {
+        "points": len(position),
+        "samples": samples,
+        "mean_irradiance": mean,
+        "seconds": progress.seconds[stage],
+        "paths_per_second": len(position) * samples / progress.seconds[stage],
+        "out": str(out),
+    }
+    if json:
+        print_json(summary)
+    else:
+        row = {**summary, "mean_irradiance": " ".join(f"{value:.5g}" for value in mean)}
+        print_table("Irradiance", [name.replace("_", " ") for name in row], [list(row.values())])

@@ -1,0 +1,103 @@
+"""The whole chain on real input: a render, its Verilog, and the proof that the two agree, in one folder."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from golden_model.outputs import whole_folder
+from lightloom.console import Progress, json_text
+
+UNIT = "ray_triangle"
+PRESET = "base"
+
+
+@dataclass(frozen=True, kw_only=True)
+class DemoOptions:
+    """What `lightloom demo` can be told."""
+
+    frames: int = 24
+    width: int = 480
+    height: int = 480
+    supersample: int = 2
+    budget: int = 300_000
+    """Rays a frame."""
+    directions: int = 64
+    """Rays for indirect light in a texel update."""
+    light_samples: int = 8
+    """Shadow rays in a texel update."""
+    replay_limit: int = 2_000_000
+    """Tests replayed at most; of more, a seeded sample of this size."""
+    seed: int = 1
+
+    @property
+    def command(self) -> str:
+        """The command line that does the same again."""
+        return (
+            f"lightloom demo --frames {self.frames} --size {self.width}x{self.height} --budget {self.budget} "
+            f"--replay-limit {self.replay_limit} --seed {self.seed}"
+        )
+
+
+def demo(options: DemoOptions, out: Path, progress: Progress) -> dict[str, Any]:
+    """Writes the demo's folder, whole or not at all, and returns what is in its report.json."""
+    from gen.report import report_page
+    from golden_model.recorder import TestRecorder
+    from golden_model.renderer import Renderer, Sampling
+    from golden_model.scene import load_scene
+    from golden_model.traversal import backend_of
+    from lightloom.emission import emit_units
+    from lightloom.machine import machine, versions
+    from lightloom.replay import replay
+    from lightloom.sequence import Pictures, contact_sheet, looped, render_sequence
+    from rtl.catalogue import CATALOGUE
+    from rtl.config import PRESETS
+    from sim.bulk import BulkUnit
+
+    with whole_folder(out) as folder:
+        units = list(CATALOGUE)
+        with progress.stage("Verilog of all units", len(units)) as advance:
+            emitted = emit_units(units, PRESET, folder / "verilog", advance)
+        with progress.stage("Simulator of ray_triangle"):
+            simulated = BulkUnit(UNIT, PRESETS[PRESET])
+
+        recorder = TestRecorder(options.replay_limit, options.seed)
+        with progress.stage("Charts and first light"):
+            renderer = Renderer(
+                looped(load_scene("cornell-box"), options.frames),
+                width=options.width * options.supersample,
+                height=options.height * options.supersample,
+                budget=options.budget,
+                seed=options.seed,
+                sampling=Sampling(directions=options.directions, light_samples=options.light_samples),
+                recorder=recorder,
+            )
+        with progress.stage("Frames", options.frames) as advance:
+            pictures = Pictures(supersample=options.supersample)
+            rendered = render_sequence(renderer, options.frames, folder, pictures, advance)
+            contact_sheet(folder).save(folder / "contact-sheet.png")
+
+        with progress.stage("Replay through the Verilog", min(recorder.total, options.replay_limit)) as advance:
+            outcome = replay(UNIT, recorder.sample(), simulated, advance)
+
+        report = {
+            "replayed": outcome.replayed,
+            "mismatches": outcome.mismatches,
+            "tests": recorder.total,
+            "rays_traced": recorder.rays,
+            "nodes_visited": recorder.nodes,
+            "sampled": recorder.total > outcome.replayed,
+            "replay": outcome.as_dict(),
+            "render": {**rendered, "backend": backend_of("auto")},
+            "units": emitted,
+            "preset": PRESET,
+            "config": asdict(PRESETS[PRESET]),
+            "options": asdict(options),
+            "command": options.command,
+            "seconds": progress.seconds,
+            "versions": versions(),
+            "machine": machine(),
+        }
+        with progress.stage("Report"):
+            (folder / "report.json").write_text(json_text(report))
+            (folder / "report.html").write_text(report_page(report, folder), encoding="utf-8")
+    return report

@@ -1,0 +1,37 @@
+"""Emits units into a folder and describes them in rows ready for JSON."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from golden_model import bitpack
+from golden_model.units import UNITS
+from rtl.catalogue import CATALOGUE
+from rtl.config import PRESETS
+
+
+def unit_row(unit: str, preset: str) -> dict[str, Any]:
+    """Name, what it computes, latency and initiation interval in clock cycles, bits of the payloads without the tag."""
+    component, description = CATALOGUE[unit](PRESETS[preset]), UNITS[unit]
+    return {
+        "unit": unit,
+        "summary": description.summary,
+        "latency": component.latency,
+        "initiation_interval": component.initiation_interval,
+        "input_bits": bitpack.width(description.input),
+        "output_bits": bitpack.width(description.output),
+    }
+
+
+def emit_units(
+    units: Sequence[str], preset: str, out: Path, advance: Callable[[float], None] = lambda steps: None
+) -> list[dict[str, Any]]:
+    """Writes the Verilog of units into `out`, whole or not at all; returns their rows."""
+    from gen.verilog import verilog_of
+    from golden_model.outputs import whole_folder
+
+    with whole_folder(out) as folder:
+        for unit in units:
+            (folder / f"{unit}.v").write_text(verilog_of(unit, PRESETS[preset]))
+            advance(1)
+    return [unit_row(unit, preset) for unit in units]

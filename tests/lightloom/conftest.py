@@ -1,0 +1,67 @@
+"""The command line as a user calls it: `lightloom(...)` runs it in a process of its own, `cli(...)` in this one."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from lightloom import cli as front_door
+
+PROGRAM = Path(sys.executable).with_name("lightloom")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    code: int
+    out: str
+    err: str
+
+    def refused(self, *words: str) -> None:
+        """Bad input: code 2, nothing on stdout, one line on stderr that names what is wrong."""
+        assert self.code == 2, self
+        assert self.out == "", self
+        lines = self.err.splitlines()
+        # Stages that ended well may be told before the error.
+        assert [line for line in lines if line.startswith("error: ")] == lines[-1:], self
+        assert "Traceback" not in self.err
+        for word in words:
+            assert word in lines[-1], (word, lines[-1])
+
+
+Run = Callable[..., Outcome]
+
+
+@pytest.fixture
+def cli(capfd: pytest.CaptureFixture[str]) -> Run:
+    """Runs a command line in this process."""
+
+    def run(*arguments: object) -> Outcome:
+        capfd.readouterr()
+        code = front_door.run([str(argument) for argument in arguments])
+        captured = capfd.readouterr()
+        return Outcome(code, captured.out, captured.err)
+
+    return run
+
+
+@pytest.fixture
+def lightloom(tmp_path: Path) -> Run:
+    """Runs a command line as a process of its own, in `tmp_path`."""
+
+    def run(*arguments: object, timeout: float = 300) -> Outcome:
+        command = [str(PROGRAM), *(str(argument) for argument in arguments)]
+        done = subprocess.run(
+            command, cwd=tmp_path, env={**os.environ}, capture_output=True, text=True, timeout=timeout
+        )
+        return Outcome(done.returncode, done.stdout, done.stderr)
+
+    return run
+
+
+def files_below(folder: Path) -> set[str]:
+    """Everything in a folder, hidden files too: to see that nothing was left behind."""
+    return {str(path.relative_to(folder)) for path in folder.rglob("*")}
