@@ -1,14 +1,57 @@
 """Verilog-2001 of a unit."""
 
 import os
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from amaranth.hdl import ClockDomain, ClockSignal, Fragment, Instance, Value
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In
 
 from rtl.catalogue import CATALOGUE
 from rtl.config import Config
+from rtl.pipeline import Core
 
 # The Yosys wheel, never a Yosys of the host: the text must not depend on the machine.
 os.environ["AMARANTH_USE_YOSYS"] = "builtin"
 
-from amaranth.back import verilog
+from amaranth._toolchain.yosys import find_yosys
+from amaranth.back import rtlil
+
+# Instead of Amaranth's own script: registers come out as `if (rst) … else if (en) q <= d`, no dead wires are left, and
+# nothing is asked of a Verilog-2001 reader that only some have (functions with don't-cares, initial values).
+SCRIPT = """
+read_rtlil <<rtlil
+{rtlil}
+rtlil
+# No initial values: ASIC flows drop them, so nothing may depend on them. In Icarus all registers then start as X, and
+# the benches show that reset is enough.
+attrmap -remove init -remove amaranth.decoding
+attrmap -modattr -remove generator -remove top -remove amaranth.hierarchy
+# `proc` without proc_rmdead, which would put X where it finds a default out of reach, and without proc_rom.
+proc_clean
+proc_prune
+proc_init
+proc_arst
+proc_mux
+proc_dlatch
+proc_dff
+proc_memwr
+proc_clean
+memory_collect
+opt_expr
+opt_merge
+opt_clean
+# The synchronous reset and enable of what rst reaches; enables only of all other registers.
+opt_dff w:rst %co4:+$mux[S,Y]:+$dff[D] t:$dff %i
+opt_dff -nosdff -simple-dffe
+# The top keeps the names of its payloads' fields, for those who look at waves.
+opt_clean -purge * {top} %d
+opt_clean {top}
+attrmap -remove unused_bits
+write_verilog -noparallelcase
+"""
 
 
 def verilog_of(unit: str, config: Config) -> str:
@@ -16,4 +59,54 @@ def verilog_of(unit: str, config: Config) -> str:
 
     Ports: clk, rst (synchronous, active high), i__valid, i__ready, i__payload, o__valid, o__ready, o__payload.
     """
-    return verilog.convert(CATALOGUE[unit](config), name=unit, emit_src=False, strip_internal_attrs=True)
+    return convert(CATALOGUE[unit](config), unit)
+
+
+def convert(component: wiring.Component, name: str) -> str:
+    """The Verilog of a component, as module `name`; the modules that it is made of are named `name`_…"""
+    fragment = Fragment.get(component, None)
+    cores: dict[str, tuple[Core, Fragment]] = {}
+    _share_cores(fragment, name, cores)
+    texts = [_rtlil(fragment, component, name, ClockDomain("sync"))]
+    for module, (core, part) in cores.items():
+        texts.append(_rtlil(part, core, module, ClockDomain("sync", reset_less=True)))  # a core's data has no reset
+    script = SCRIPT.format(rtlil="\n".join(texts), top=name)
+    # Amaranth ignores Yosys's warnings too: they are about processes, which are gone before anything is written.
+    return find_yosys(lambda version: version >= (0, 40)).run(["-q", "-"], script, ignore_warnings=True)
+
+
+def _share_cores(fragment: Fragment, top: str, cores: dict[str, tuple[Core, Fragment]]) -> None:
+    """Replaces every core below `fragment` by an instance of one module for all cores of its function and latency.
+
+    Otherwise Amaranth writes a module for each of the 40 operators in a ray-triangle unit, which takes most of the
+    time and makes the text five times as long. Fills `cores`: module name to a core and its logic.
+    """
+    for index, (part, instance_name, location) in enumerate(fragment.subfragments):
+        core = part.origins[0] if part.origins else None
+        if not isinstance(core, Core):
+            _share_cores(part, top, cores)
+            continue
+        module = f"{top}_core" if core.unit.name == top else f"{top}_{core.unit.name}_depth{core.latency}"
+        if module not in cores:
+            _share_cores(part, top, cores)
+            cores[module] = (core, part)
+        assert type(cores[module][0]) is type(core), f"{module} would stand for two different cores"
+        ports = {f"{'i' if member.flow == In else 'o'}_{name}": value for name, member, value in ports_of(core)}
+        fragment.subfragments[index] = (Instance(module, i_clk=ClockSignal(), **ports), instance_name, location)
+
+
+def _rtlil(fragment: Fragment, component: wiring.Component, name: str, clock: ClockDomain) -> str:
+    fragment.add_domains(clock)
+    ports: dict[str, Any] = {"clk": (clock.clk, None)}
+    if clock.rst is not None:
+        ports["rst"] = (clock.rst, None)
+    ports |= {port: (value, None) for port, _, value in ports_of(component)}
+    text, _ = rtlil.convert_fragment(fragment, ports, name, emit_src=False)
+    # Amaranth gives every choice a default; told that it is out of reach, Yosys would put X there.
+    return re.sub(r"^ *attribute \\full_case 1\n", "", text, flags=re.MULTILINE)
+
+
+def ports_of(component: wiring.Component) -> Iterator[tuple[str, wiring.Member, Value]]:
+    """Name, member and value of every port; names of paths are joined by __, as Amaranth does it."""
+    for path, member, value in component.signature.flatten(component):
+        yield "__".join(map(str, path)), member, Value.cast(value)

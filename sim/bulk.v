@@ -32,10 +32,8 @@ module bulk (
 `endif
 
   `UNIT unit (
-`ifdef CLOCKED
       .clk(clk),
       .rst(rst),
-`endif
       .i__valid(valid),
       .i__ready(in_ready),
       .i__payload(payload),
