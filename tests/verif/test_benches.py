@@ -1,0 +1,67 @@
+"""Every unit's cocotb bench on both simulators."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gen.verilog import verilog_of
+from golden_model.units import OPERATORS, UNITS
+from rtl.config import PRESETS
+from sim.runner import BenchError, run_bench
+from tests.simulators import SIMULATORS
+from tests.vectors import random_vectors
+from verif.ray_vectors import ray_setup_vectors, ray_triangle_vectors
+
+SEED = 2013
+# Icarus takes about two milliseconds a cycle for the ray-triangle unit.
+COUNT = {"verilator": 3000, "icarus": 1000}
+
+
+def operands(unit: str, count: int) -> np.ndarray:
+    if unit in OPERATORS:
+        return random_vectors(unit, count, SEED)
+    return {"ray_setup": ray_setup_vectors, "ray_triangle": ray_triangle_vectors}[unit](count, SEED)
+
+
+def bench(unit: str, simulator: str, folder: Path, preset: str = "base", **options: str) -> int:
+    return run_bench(
+        unit,
+        simulator,
+        operands=operands(unit, COUNT[simulator]),
+        seed=SEED,
+        config=PRESETS[preset],
+        module="verif.test_operators" if unit in OPERATORS else None,
+        folder=folder,
+        **options,  # type: ignore[arg-type]
+    )
+
+
+@pytest.mark.parametrize("simulator", SIMULATORS)
+@pytest.mark.parametrize("unit", UNITS)
+def test_bench(unit: str, simulator: str, tmp_path: Path) -> None:
+    assert bench(unit, simulator, tmp_path) == 8
+
+
+@pytest.mark.parametrize("preset", ["tiny", "full"])
+def test_ray_triangle_bench_of_the_other_presets(preset: str, tmp_path: Path) -> None:
+    assert bench("ray_triangle", "verilator", tmp_path, preset) == 8
+
+
+@pytest.mark.parametrize(
+    ("original", "mutant", "message"),
+    [
+        ("{ tag0, o }", "{ tag0, o ^ 4'h1 }", "operation 0: operands 0x"),
+        ("{ tag0, o }", "{ 8'h00, o }", "operation 1: operands 0x"),
+        ("else if (i__ready) o__valid", "else o__valid", "withdrawn"),
+        ("if (i__ready) tag0", "tag0", "a waiting result changed"),
+        ("_0_ | o__ready", "1'b1", "a waiting result changed"),
+        ("if (rst) o__valid", "if (1'b0) o__valid", r"reset_in_flight +FAIL"),
+    ],
+    ids=["result", "tag", "withdrawn", "unstable", "lost", "not reset"],
+)
+def test_bench_catches_a_broken_unit(original: str, mutant: str, message: str, tmp_path: Path) -> None:
+    good = verilog_of("float_compare", PRESETS["base"])
+    assert good.count(original) == 1
+    with pytest.raises(BenchError, match=message):
+        bench("float_compare", "verilator", tmp_path, verilog=good.replace(original, mutant))
