@@ -12,7 +12,7 @@ from golden_model.rasterizer import level_of_detail, rasterize
 from golden_model.ray_setup import ray_setup
 from golden_model.ray_triangle import ray_triangle, triangle_tests
 from golden_model.traversal import trace
-from golden_model.vectors import interpolate
+from golden_model.vectors import interpolate, normalize
 
 UP = np.array([0, 1, 0], dtype=np.float32)
 
@@ -136,9 +136,10 @@ def test_cornell_box_agrees_with_the_tracer(frame: int) -> None:
     pixel, hit = seen[both], hits[both]
     assert (pixel["object"] == scene.object_id[hit["primitive"]]).all()
     assert (pixel["front"] == hit["front"]).all()
-    assert np.abs(pixel["normal"] - scene.normals[hit["primitive"]][:, 0]).max() < 1e-6
     assert np.quantile(np.abs(pixel["depth"] / hit["t"] - 1), 0.999) < 1e-3
-    corner = scene.corners[hit["primitive"]]
+    corner, normals = scene.corners[hit["primitive"]], scene.normals[hit["primitive"]]
+    normal = normalize(interpolate(normals[:, 0], normals[:, 1], normals[:, 2], hit["u"], hit["v"]))
+    assert np.abs(pixel["normal"] - normal).max() < 1e-4  # two walls are not quite flat
     place = interpolate(corner[:, 0], corner[:, 1], corner[:, 2], hit["u"], hit["v"])[:, [0, 2]]
     assert np.quantile(np.abs(pixel["lightmap"] - place), 0.999) < 1.0  # of 556; a pixel is about 7
 
