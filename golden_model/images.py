@@ -67,7 +67,10 @@ def write_exr(path: Path | str, image: np.ndarray) -> None:
     name = "RGB" if image.shape[2] == 3 else "RGBA"
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     with whole_file(path) as scratch, OpenEXR.File(header, {name: np.ascontiguousarray(image)}) as file:
-        file.write(str(scratch))
+        try:
+            file.write(str(scratch))
+        except RuntimeError as error:  # so the library reports a full disk, as text
+            raise OSError(str(error).rpartition('". ')[2].rstrip(".")) from error
 
 
 def write_film(path: Path | str, frames: Sequence[np.ndarray], frames_per_second: float = 12.0) -> None:

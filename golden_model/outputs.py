@@ -51,6 +51,8 @@ def whole_folder(path: Path | str) -> Iterator[Path]:
         if path.exists():
             shutil.rmtree(path)
         scratch.replace(path)
+    except InputError as error:  # of a file in the folder: the user knows it by its place, not by the scratch's name
+        raise InputError(str(error).replace(str(scratch), str(path))) from error
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose another --out") from error
     finally:
