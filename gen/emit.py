@@ -1,0 +1,54 @@
+"""Writes units as Verilog with their manifests into one folder."""
+
+import difflib
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from gen.manifest import manifest
+from gen.verilog import verilog_of
+from golden_model.errors import InputError
+from golden_model.outputs import whole_folder
+from rtl.catalogue import CATALOGUE
+from rtl.config import Config
+
+INDEXED = ("unit", "summary", "file", "sha256", "latency", "initiation_interval")
+"""The keys of a unit's manifest that the folder's index, manifest.json, repeats."""
+
+
+def emit(
+    units: Sequence[str] | None,
+    config: Config,
+    preset: str | None,
+    out: Path | str,
+    *,
+    progress: Callable[[str], None] = lambda unit: None,
+) -> list[dict[str, Any]]:
+    """Writes <unit>.v and <unit>.json of each unit (none named: of the whole catalogue) and manifest.json into `out`.
+
+    The folder appears whole or not at all; the same units and configuration give the same bytes. `preset` is the
+    name of `config`, for the manifests. `progress` is told of every unit done. Returns the manifests. Raises
+    InputError for an unknown unit and for a folder that cannot be written.
+    """
+    names = list(dict.fromkeys(units or CATALOGUE))
+    for unit in names:
+        if unit not in CATALOGUE:
+            close = difflib.get_close_matches(unit, CATALOGUE, n=3, cutoff=0.5)
+            others = [name for name in CATALOGUE if name not in close]
+            raise InputError(f"{unit}: no such unit; choose from {', '.join([*close, *others])}")
+    manifests = []
+    with whole_folder(out) as folder:
+        for unit in names:
+            verilog = verilog_of(unit, config)
+            manifests.append(manifest(unit, config, preset, verilog))
+            (folder / f"{unit}.v").write_text(verilog, encoding="utf-8")
+            _write_json(folder / f"{unit}.json", manifests[-1])
+            progress(unit)
+        rows = [{key: described[key] for key in INDEXED} for described in manifests]
+        _write_json(folder / "manifest.json", {"preset": preset, "units": rows})
+    return manifests
+
+
+def _write_json(path: Path, content: dict[str, Any]) -> None:
+    path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
