@@ -26,12 +26,8 @@ def unit_row(unit: str, preset: str) -> dict[str, Any]:
 def emit_units(
     units: Sequence[str], preset: str, out: Path, advance: Callable[[float], None] = lambda steps: None
 ) -> list[dict[str, Any]]:
-    """Writes the Verilog of units into `out`, whole or not at all; returns their rows."""
-    from gen.verilog import verilog_of
-    from golden_model.outputs import whole_folder
+    """Writes Verilog and manifests of units into `out`, whole or not at all; returns the units' rows."""
+    from gen.emit import emit
 
-    with whole_folder(out) as folder:
-        for unit in units:
-            (folder / f"{unit}.v").write_text(verilog_of(unit, PRESETS[preset]))
-            advance(1)
+    emit(units, PRESETS[preset], preset, out, progress=lambda unit: advance(1))
     return [unit_row(unit, preset) for unit in units]
