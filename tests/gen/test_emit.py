@@ -1,0 +1,101 @@
+"""Emission: what is written, that it depends on nothing but its arguments, and what bad input gets."""
+
+import hashlib
+import json
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from gen.emit import emit
+from golden_model import bitpack
+from golden_model.errors import InputError
+from golden_model.units import UNITS
+from rtl.catalogue import CATALOGUE
+from rtl.config import PRESETS
+
+PORT = re.compile(r"^  (input|output) (?:\[(\d+):0\] )?(\w+);$", re.MULTILINE)
+
+
+def test_holds_every_unit(base: Path) -> None:
+    names = {path.name for path in base.iterdir()} - {".lightloom"}
+    assert names == {f"{unit}{suffix}" for unit in CATALOGUE for suffix in (".v", ".json")} | {"manifest.json"}
+    index = json.loads((base / "manifest.json").read_text())
+    assert [entry["unit"] for entry in index["units"]] == list(CATALOGUE)
+
+
+@pytest.mark.parametrize("unit", CATALOGUE)
+def test_manifest_agrees_with_verilog(base: Path, unit: str) -> None:
+    manifest = json.loads((base / f"{unit}.json").read_text())
+    verilog = (base / f"{unit}.v").read_text()
+    assert manifest["sha256"] == hashlib.sha256(verilog.encode()).hexdigest()
+
+    module = verilog[verilog.index(f"module {unit}(") :].split("endmodule")[0]
+    declared = {(name, direction, int(high or 0) + 1) for direction, high, name in PORT.findall(module)}
+    assert declared == {(port["name"], port["direction"], port["width"]) for port in manifest["ports"]}
+
+    widths = {port["name"]: port["width"] for port in manifest["ports"]}
+    tag_width = PRESETS["base"].tag_width
+    assert widths["i__payload"] == bitpack.width(UNITS[unit].input) + tag_width
+    assert widths["o__payload"] == bitpack.width(UNITS[unit].output) + tag_width
+    for port in manifest["ports"]:
+        if "fields" in port:  # they fill the payload without a gap
+            ends = [field["offset"] + field["width"] for field in port["fields"]]
+            assert [field["offset"] for field in port["fields"]] == [0, *ends[:-1]]
+            assert ends[-1] == port["width"]
+
+
+def test_fields_of_a_vector(base: Path) -> None:
+    ports = json.loads((base / "ray_triangle.json").read_text())["ports"]
+    listed = next(port["fields"] for port in ports if port["name"] == "i__payload")
+    v1 = [field for field in listed if field["name"] == "v1"]
+    assert [(field["index"], field["offset"], field["width"], field["type"]) for field in v1] == [
+        ([0], 355, 32, "float32"),
+        ([1], 387, 32, "float32"),
+        ([2], 419, 32, "float32"),
+    ]
+    assert (listed[-1]["name"], listed[-1]["offset"], listed[-1]["width"]) == ("tag", 548, 8)
+
+
+def test_no_initial_values_and_no_dont_cares(base: Path) -> None:
+    for unit in CATALOGUE:
+        verilog = (base / f"{unit}.v").read_text()
+        assert not re.search(r"^ *reg .*=", verilog, re.MULTILINE), "nothing may depend on an initial value"
+        assert "initial" not in verilog
+        assert not re.search(r"assign .*'[bh]x", verilog)
+
+
+def test_bytes_depend_on_nothing_else(base: Path, tmp_path: Path) -> None:
+    """The same bytes from another process with another hash seed, in less than 20 s when the machine is idle."""
+    folder = tmp_path / "again"
+    script = "import sys; from gen.emit import emit; from rtl.config import PRESETS as p; "
+    script += "emit(None, p['base'], 'base', __import__('pathlib').Path(sys.argv[1]))"
+    seed = "2" if os.environ.get("PYTHONHASHSEED") == "1" else "1"
+    started = time.perf_counter()
+    run = [sys.executable, "-c", script, str(folder)]
+    subprocess.run(run, check=True, env={**os.environ, "PYTHONHASHSEED": seed})
+    assert time.perf_counter() - started < 60, "takes about 7 s on an idle machine"
+    assert {path.name for path in base.iterdir()} == {path.name for path in folder.iterdir()}
+    for path in base.iterdir():
+        assert path.read_bytes() == (folder / path.name).read_bytes(), f"{path.name}, hash seed {seed}"
+
+
+def test_unknown_unit_is_named_with_its_neighbours(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"^ray_triangel: no such unit; choose from ray_triangle, .*float_add") as error:
+        emit(["float_add", "ray_triangel"], PRESETS["base"], "base", tmp_path / "out")
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_failure_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("gen.emit._write_json", full)
+    with pytest.raises(InputError, match="No space left on device"):
+        emit(["float_minmax"], PRESETS["tiny"], "tiny", tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
