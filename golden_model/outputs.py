@@ -11,6 +11,20 @@ from golden_model.errors import InputError
 
 
 @contextmanager
+def _parents(path: Path) -> Iterator[None]:
+    """Makes the folders that `path` lies in; on failure those that it made go again, if they are empty."""
+    missing = [folder for folder in path.parents if not folder.exists()]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            for folder in missing:
+                folder.rmdir()
+        raise
+
+
+@contextmanager
 def whole_file(path: Path | str) -> Iterator[Path]:
     """Yields a temporary path beside `path`; renames it into place on success, removes it on any failure.
 
@@ -19,14 +33,14 @@ def whole_file(path: Path | str) -> Iterator[Path]:
     path = Path(path)
     scratch = path.with_name(f".{path.name}.{os.getpid()}.part{path.suffix}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield scratch
-        scratch.replace(path)
+        with _parents(path):
+            try:
+                yield scratch
+                scratch.replace(path)
+            finally:
+                scratch.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose another --out") from error
-    finally:
-        with suppress(OSError):  # a parent that is a file: nothing was written
-            scratch.unlink()
 
 
 @contextmanager
@@ -41,20 +55,20 @@ def whole_folder(path: Path | str) -> Iterator[Path]:
         raise InputError(f"{path}: is a file; choose a folder for --out")
     if path.is_dir() and any(path.iterdir()) and not (path / marker).exists():
         raise InputError(f"{path}: the folder holds files that Lightloom did not write; choose another --out")
-    scratch: Path | None = None
+    scratch = path
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
-        scratch.chmod(0o755)
-        (scratch / marker).touch()
-        yield scratch
-        if path.exists():
-            shutil.rmtree(path)
-        scratch.replace(path)
+        with _parents(path):
+            scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}.", dir=path.parent))
+            try:
+                scratch.chmod(0o755)
+                (scratch / marker).touch()
+                yield scratch
+                if path.exists():
+                    shutil.rmtree(path)
+                scratch.replace(path)
+            finally:
+                shutil.rmtree(scratch, ignore_errors=True)
     except InputError as error:  # of a file in the folder: the user knows it by its place, not by the scratch's name
         raise InputError(str(error).replace(str(scratch), str(path))) from error
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error}); choose another --out") from error
-    finally:
-        if scratch is not None:
-            shutil.rmtree(scratch, ignore_errors=True)

@@ -16,14 +16,13 @@ Advance = Callable[[float], None]
 class Progress:
     """Stages of a long job: a bar each on a terminal, one line each elsewhere; `seconds` keeps how long each took.
 
-    A context manager. `quiet` shows nothing (the times are kept all the same).
+    A context manager.
     """
 
-    def __init__(self, *, quiet: bool = False) -> None:
+    def __init__(self) -> None:
         self.seconds: dict[str, float] = {}
         self._bars: Any = None
-        self._lines = not quiet and not sys.stderr.isatty()
-        if not quiet and not self._lines:
+        if sys.stderr.isatty():
             from rich import progress
             from rich.console import Console
 
@@ -33,7 +32,6 @@ class Progress:
                 progress.BarColumn(bar_width=32),
                 progress.TaskProgressColumn(),
                 progress.TimeElapsedColumn(),
-                progress.TextColumn("[dim]{task.fields[note]}"),
                 console=Console(stderr=True),
             )
 
@@ -49,7 +47,7 @@ class Progress:
     @contextmanager
     def stage(self, name: str, total: float = 1) -> Iterator[Advance]:
         """One stage of `total` steps; yields the function that reports how many more of them are done."""
-        task = self._bars.add_task(name, total=total, note="") if self._bars is not None else None
+        task = self._bars.add_task(name, total=total) if self._bars is not None else None
         started = time.perf_counter()
 
         def advance(steps: float = 1) -> None:
@@ -60,7 +58,7 @@ class Progress:
         self.seconds[name] = time.perf_counter() - started
         if task is not None:
             self._bars.update(task, completed=total)
-        elif self._lines:
+        else:
             print(f"{name}: {self.seconds[name]:.1f} s", file=sys.stderr, flush=True)
 
 

@@ -15,11 +15,11 @@ PRESET = "base"
 class DemoOptions:
     """What `lightloom demo` can be told."""
 
-    frames: int = 24
+    frames: int = 30
     width: int = 480
     height: int = 480
     supersample: int = 2
-    budget: int = 300_000
+    budget: int = 400_000
     """Rays a frame."""
     directions: int = 64
     """Rays for indirect light in a texel update."""
@@ -52,14 +52,10 @@ def demo(options: DemoOptions, out: Path, progress: Progress) -> dict[str, Any]:
     from rtl.catalogue import CATALOGUE
     from rtl.config import PRESETS
     from sim.bulk import BulkUnit
+    from sim.toolchain import compiler, verilator
 
+    verilator(), compiler()  # what is missing is better known before the render than after it
     with whole_folder(out) as folder:
-        units = list(CATALOGUE)
-        with progress.stage("Verilog of all units", len(units)) as advance:
-            emitted = emit_units(units, PRESET, folder / "verilog", advance)
-        with progress.stage("Simulator of ray_triangle"):
-            simulated = BulkUnit(UNIT, PRESETS[PRESET])
-
         recorder = TestRecorder(options.replay_limit, options.seed)
         with progress.stage("Charts and first light"):
             renderer = Renderer(
@@ -75,6 +71,12 @@ def demo(options: DemoOptions, out: Path, progress: Progress) -> dict[str, Any]:
             pictures = Pictures(supersample=options.supersample)
             rendered = render_sequence(renderer, options.frames, folder, pictures, advance)
             contact_sheet(folder).save(folder / "contact-sheet.png")
+
+        units = list(CATALOGUE)
+        with progress.stage("Verilog of all units", len(units)) as advance:
+            emitted = emit_units(units, PRESET, folder / "verilog", advance)
+        with progress.stage("Simulator of ray_triangle"):
+            simulated = BulkUnit(UNIT, PRESETS[PRESET])
 
         with progress.stage("Replay through the Verilog", min(recorder.total, options.replay_limit)) as advance:
             outcome = replay(UNIT, recorder.sample(), simulated, advance)

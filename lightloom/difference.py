@@ -8,6 +8,7 @@ import numpy as np
 from PIL import Image
 
 from golden_model.errors import InputError
+from lightloom.inputs import load_npz
 from lightloom.pictures import SUFFIXES, Picture, displayed, read_picture, sheet
 
 RELATIVE_MSE_FLOOR = 0.01
@@ -171,24 +172,14 @@ def compare_arrays(path_a: Path, path_b: Path) -> list[Difference]:
 
 
 def _plain_arrays(path: Path) -> dict[str, np.ndarray]:
+    """The arrays of an .npz file, structured ones field by field."""
     arrays: dict[str, np.ndarray] = {}
-    try:
-        with path.open("rb") as source, np.load(source, allow_pickle=False) as file:
-            if not isinstance(file, np.lib.npyio.NpzFile):
-                raise InputError(f"{path}: is a single .npy array; save it with numpy.savez")
-            for name in file.files:
-                array = file[name]
-                leaves = [array.dtype[field].base for field in array.dtype.names or ()] or [array.dtype]
-                if any(leaf.kind not in "biuf" or leaf.itemsize > 8 for leaf in leaves):
-                    raise InputError(f"{path}: array '{name}' is {array.dtype}; only numbers can be compared")
-                for field in array.dtype.names or ():
-                    arrays[f"{name}.{field}"] = array[field]
-                if array.dtype.names is None:
-                    arrays[name] = array
-    except InputError:
-        raise
-    except Exception as error:  # whatever a damaged archive makes zipfile, zlib and NumPy raise
-        raise InputError(f"{path}: not a readable .npz file; write it again") from error
+    for name, array in load_npz(path).items():
+        fields = array.dtype.names or ()
+        leaves = [array.dtype[field].base for field in fields] or [array.dtype]
+        if any(leaf.kind not in "biuf" or leaf.itemsize > 8 for leaf in leaves):
+            raise InputError(f"{path}: array '{name}' is {array.dtype}; only numbers can be compared")
+        arrays |= {f"{name}.{field}": array[field] for field in fields} or {name: array}
     if not arrays:
         raise InputError(f"{path}: holds no arrays")
     return arrays

@@ -52,6 +52,25 @@ def seed_value(value: int) -> int:
     return value
 
 
+def load_npz(path: Path, names: Iterable[str] | None = None) -> dict[str, np.ndarray]:
+    """The arrays of an .npz file, those of `names` that are there or all.
+
+    Raises InputError for a file that is missing or no .npz.
+    """
+    try:
+        with path.open("rb") as source:
+            file = np.load(source, allow_pickle=False)
+            if not isinstance(file, np.lib.npyio.NpzFile):
+                raise InputError(f"{path}: is a single .npy array; save arrays by name, with numpy.savez")
+            return {name: file[name] for name in file.files if names is None or name in names}
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    # Whatever a damaged archive makes NumPy, zipfile and zlib raise.
+    except (OSError, ValueError, EOFError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error) as error:
+        reason = getattr(error, "strerror", None) or "not a readable .npz file"
+        raise InputError(f"{path}: {reason}; save arrays by name, with numpy.savez") from error
+
+
 def read_arrays(path: Path, wanted: Mapping[str, int], option: str) -> dict[str, np.ndarray]:
     """Reads float32 arrays of one length N from an .npz file.
 
@@ -61,21 +80,13 @@ def read_arrays(path: Path, wanted: Mapping[str, int], option: str) -> dict[str,
     """
     where = f"{option} {path}"
     shapes = ", ".join(f"{name} ({f'N,{columns}' if columns else 'N'})" for name, columns in wanted.items())
-    arrays: dict[str, np.ndarray] = {}
     try:
-        with path.open("rb") as source, np.load(source, allow_pickle=False) as file:
-            if not isinstance(file, np.lib.npyio.NpzFile):
-                raise InputError(f"{where}: is a single .npy array; save {shapes} with numpy.savez")
-            for name in wanted:
-                if name not in file.files:
-                    raise InputError(f"{where}: array '{name}' is missing; save {shapes} as float32")
-                arrays[name] = file[name]
-    except FileNotFoundError:
-        raise InputError(f"{where}: no such file") from None
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        reason = getattr(error, "strerror", None) or "not a readable .npz file"
-        raise InputError(f"{where}: {reason}; save {shapes} with numpy.savez") from error
-
+        arrays = load_npz(path, wanted)
+    except InputError as error:
+        raise InputError(f"{option} {error}") from error
+    for name in wanted:
+        if name not in arrays:
+            raise InputError(f"{where}: array '{name}' is missing; save {shapes} as float32")
     length = next((len(array) for array in arrays.values() if array.ndim), 0)
     for name, columns in wanted.items():
         array = arrays[name]

@@ -29,7 +29,7 @@ def bench(
     chosen = [choose(name, BENCHMARKS, "benchmark") for name in dict.fromkeys(names or BENCHMARKS)]
     sizes = Sizes(vectors=at_least(vectors, 1, "--vectors"), rays=at_least(rays, 1, "--rays"))
     rows = []
-    with Progress(quiet=json) as progress:
+    with Progress() as progress:
         for name in chosen:
             with progress.stage(name):
                 rows += list(BENCHMARKS[name](sizes))

@@ -63,7 +63,7 @@ def demo(
         replay_limit=at_least(replay_limit, 1, "--replay-limit"),
         seed=seed_value(seed),
     )
-    with Progress(quiet=json) as progress:
+    with Progress() as progress:
         report = run(options, out, progress)
     if json:
         print_json(report)

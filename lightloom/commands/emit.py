@@ -33,7 +33,7 @@ def emit(
     if list_units:
         rows = [unit_row(name, preset) for name in names]
     else:
-        with Progress(quiet=json) as progress, progress.stage("Verilog", len(names)) as advance:
+        with Progress() as progress, progress.stage("Verilog", len(names)) as advance:
             rows = emit_units(names, preset, out, advance)
     if json:
         print_json({"preset": preset, "out": None if list_units else str(out), "units": rows})

@@ -55,7 +55,7 @@ def irradiance(
             f"--points {points}: point {unusable[0]} has a position that is not finite or no usable normal; remove it"
         )
     stage = f"{len(position):,} points, {samples:,} paths each"
-    with Progress(quiet=json) as progress:
+    with Progress() as progress:
         with progress.stage("Scene"):
             loaded = load_scene(scene)
             require_light(loaded)

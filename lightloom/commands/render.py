@@ -76,7 +76,7 @@ def render(
 
     sampling = Sampling(directions=directions, light_samples=light_samples)
     loaded = load_scene(scene)
-    with Progress(quiet=json) as progress, whole_folder(out) as folder:
+    with Progress() as progress, whole_folder(out) as folder:
         with progress.stage("Charts and first light"):
             renderer = Renderer(
                 loaded,

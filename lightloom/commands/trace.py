@@ -63,7 +63,7 @@ def trace(
         batch[name] = values
 
     stage = f"{len(batch):,} rays"
-    with Progress(quiet=json) as progress:
+    with Progress() as progress:
         with progress.stage("Scene"):
             triangles = load_scene(scene).triangles
         with progress.stage("Simulators" if backend == "rtl" else "Tree"):

@@ -65,3 +65,43 @@ def lightloom(tmp_path: Path) -> Run:
 def files_below(folder: Path) -> set[str]:
     """Everything in a folder, hidden files too: to see that nothing was left behind."""
     return {str(path.relative_to(folder)) for path in folder.rglob("*")}
+
+
+ROOM = """
+name = "room"
+texel_size = 0.5
+[camera]
+position = [0, 1, 4]
+target = [0, 1, 0]
+fov_y_tan = 0.5
+[[camera.path]]
+frame = 0
+position = [0, 1, 4]
+target = [0, 1, 0]
+[[camera.path]]
+frame = 8
+position = [1, 1, 4]
+target = [0, 1, 0]
+[[quad]]
+name = "floor"
+corners = [[-2, 0, 2], [2, 0, 2], [2, 0, -2], [-2, 0, -2]]
+albedo = [0.7, 0.2, 0.2]
+[[quad]]
+name = "wall"
+corners = [[-2, 0, -2], [2, 0, -2], [2, 3, -2], [-2, 3, -2]]
+"""
+LAMP = """
+[[quad]]
+name = "lamp"
+corners = [[-1, 3, -1], [1, 3, -1], [1, 3, 1], [-1, 3, 1]]
+albedo = [0, 0, 0]
+emission = [5, 5, 5]
+"""
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Path:
+    """A scene with few texels: a floor, a wall and a lamp."""
+    path = tmp_path / "room.toml"
+    path.write_text(ROOM + LAMP)
+    return path
