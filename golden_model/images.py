@@ -4,6 +4,7 @@ The frame loop's numbers stay exact; what is here is for the eye (and uses NumPy
 differ by one step between hosts. EXR files hold the frame loop's own bits.
 """
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -66,11 +67,11 @@ def write_exr(path: Path | str, image: np.ndarray) -> None:
         raise ValueError(f"an EXR picture is (H, W, 3 or 4) float32 or float16, not {image.shape} {image.dtype}")
     name = "RGB" if image.shape[2] == 3 else "RGBA"
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with whole_file(path) as scratch, OpenEXR.File(header, {name: np.ascontiguousarray(image)}) as file:
-        try:
-            file.write(str(scratch))
-        except RuntimeError as error:  # so the library reports a full disk, as text
-            raise OSError(str(error).rpartition('". ')[2].rstrip(".")) from error
+    packed = io.BytesIO()  # the library's own files lose the end without a word where the disk is full
+    with OpenEXR.File(header, {name: np.ascontiguousarray(image)}) as file:
+        file.write(packed)
+    with whole_file(path) as scratch:
+        scratch.write_bytes(packed.getvalue())
 
 
 def write_film(path: Path | str, frames: Sequence[np.ndarray], frames_per_second: float = 12.0) -> None:

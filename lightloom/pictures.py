@@ -1,6 +1,10 @@
 """Pictures for people: reading PNG and EXR files, and sheets of captioned pictures."""
 
-from collections.abc import Sequence
+import io
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,7 +55,7 @@ def _read_exr(path: Path) -> np.ndarray:
     import OpenEXR
 
     try:
-        with OpenEXR.File(str(path), separate_channels=True) as file:
+        with quiet_libraries(), OpenEXR.File(str(path), separate_channels=True) as file:
             channels = {name: channel.pixels for name, channel in file.channels().items()}
     except (RuntimeError, OSError, ValueError) as error:
         raise InputError(f"{path}: not a readable EXR file; write it again") from error
@@ -59,6 +63,25 @@ def _read_exr(path: Path) -> np.ndarray:
     if not {"R", "G", "B"} <= set(names) and names != ["Y"]:
         raise InputError(f"{path}: has channels {', '.join(channels)}; a picture needs R, G, B (or Y)")
     return np.stack([channels[name] for name in names], axis=-1)
+
+
+@contextmanager
+def quiet_libraries() -> Iterator[None]:
+    """Drops what libraries print: of a damaged EXR file many lines, before the exception that says so."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    kept = [(stream, os.dup(stream)) for stream in (1, 2)]
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for stream, _ in kept:
+            os.dup2(nowhere, stream)
+        with redirect_stdout(io.StringIO()):
+            yield
+    finally:
+        for stream, original in kept:
+            os.dup2(original, stream)
+            os.close(original)
+        os.close(nowhere)
 
 
 def srgb_to_linear(x: np.ndarray) -> np.ndarray:

@@ -241,7 +241,7 @@ def limited(*arguments: object, bytes_a_file: int, folder: Path) -> Outcome:
     ("options", "limit", "words"),
     [
         (["--size", "64x64"], 200, ["out/frames/0000.png"]),
-        (["--size", "4x4"], 300, ["out/lightmap/0000.exr"]),
+        (["--size", "4x4"], 500, ["out/lightmap/0000.exr"]),
     ],
     ids=["png", "exr"],
 )

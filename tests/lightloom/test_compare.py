@@ -145,11 +145,14 @@ def test_refusals(cli: Run, tmp_path: Path) -> None:
     cut.write_bytes(a.read_bytes()[:60])
     for name in ("cut.exr", "cut.npz", "words.txt"):
         (tmp_path / name).write_bytes(b"PK\x03\x04 no such thing")
+    whole = write_exr(tmp_path / "whole.exr", np.random.default_rng(0).random((40, 40, 3))).read_bytes()
+    (tmp_path / "end.exr").write_bytes(whole[:-50])
     np.savez(tmp_path / "names.npz", names=np.array(["a", "b"]))
     cli("compare", a, tmp_path / "none.png").refused("none.png", "no such file")
     cli("compare", a, tmp_path / "empty").refused("one kind")
     cli("compare", tmp_path / "empty", tmp_path / "empty").refused("empty", ".png")
     cli("compare", a, cut).refused("cut.png", "not a readable PNG")
+    cli("compare", tmp_path / "end.exr", tmp_path / "whole.exr").refused("end.exr", "not a readable EXR")
     for kind in ("exr", "npz"):
         cli("compare", tmp_path / f"cut.{kind}", tmp_path / f"cut.{kind}").refused(f"cut.{kind}", "not a readable")
     cli("compare", tmp_path / "words.txt", a).refused("words.txt", ".png, .exr or .npz")
