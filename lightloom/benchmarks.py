@@ -31,7 +31,7 @@ def _row(benchmark: str, what: str, value: float, unit: str) -> Row:
 
 
 def ray_triangle_vectors(sizes: Sizes) -> Iterator[Row]:
-    """Ray-triangle tests a second through the Verilated unit, one core, preset base."""
+    """Ray-triangle tests a second, through the Verilated unit and by the model."""
     from golden_model.ray_setup import ray_setup
     from golden_model.ray_triangle import ray_triangle, triangle_tests
     from golden_model.scene import load_scene
@@ -52,7 +52,7 @@ def ray_triangle_vectors(sizes: Sizes) -> Iterator[Row]:
 
 
 def tracing(sizes: Sizes) -> Iterator[Row]:
-    """Golden model: rays a second by NumPy and numba, tree build, nodes and tests a ray; Cornell box and bunny."""
+    """Golden model on Cornell box and bunny: tree build, rays a second by NumPy and numba."""
     from lightloom.bench_tracing import measure
 
     for scene, figures in measure(sizes.rays).items():

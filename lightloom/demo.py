@@ -95,7 +95,7 @@ def demo(options: DemoOptions, out: Path, progress: Progress) -> dict[str, Any]:
             "config": asdict(PRESETS[PRESET]),
             "options": asdict(options),
             "command": options.command,
-            "seconds": progress.seconds,
+            "seconds": dict(progress.seconds),
             "versions": versions(),
             "machine": machine(),
         }

@@ -13,7 +13,7 @@ _DEFAULT = Sizes()
 
 def bench(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME]...", help="Benchmarks; all of them if none is given.")
+        list[str] | None, typer.Argument(metavar="NAME", help="Benchmarks; all of them if none is given.")
     ] = None,
     vectors: Annotated[
         int, typer.Option("--vectors", metavar="N", help="Operands through the Verilated unit.")

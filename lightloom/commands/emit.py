@@ -13,7 +13,7 @@ from rtl.config import PRESET_SUMMARIES, PRESETS
 def emit(
     units: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[UNIT]...", help="Names of units; all of them if none is given. --list shows them."),
+        typer.Argument(metavar="UNIT", help="Names of units; all of them if none is given. --list shows them."),
     ] = None,
     preset: Annotated[
         str, typer.Option("--preset", metavar="|".join(PRESETS), help="The hardware parameters; see above.")

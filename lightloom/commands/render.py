@@ -93,7 +93,7 @@ def render(
             contact_sheet(folder).save(folder / "contact-sheet.png")
         figures |= {
             "backend": backend_of(backend),
-            "seconds": progress.seconds,
+            "seconds": dict(progress.seconds),
             "versions": versions(),
             "machine": machine(),
         }
