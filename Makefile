@@ -43,6 +43,9 @@ lint: $(READY) ## ruff (lint and format) and mypy
 test-long: setup ## the long tests: millions of rays and vectors (an hour on two cores)
 	$(BIN)/pytest -n $(WORKERS) -m long
 
+test-operators: setup ## number units: 4 million random vectors and the corner grid each, against SoftFloat; a table
+	$(BIN)/python -m tests.operators_long --json build/operators.json
+
 bench: setup ## measure: vectors a second, rays a second, emission time
 	$(BIN)/lightloom bench
 
