@@ -15,7 +15,6 @@ from golden_model import bitpack
 from golden_model.errors import InputError
 from golden_model.outputs import whole_file
 from golden_model.units import UNITS
-from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
 from sim import toolchain
 
@@ -49,7 +48,7 @@ class BulkError(AssertionError):
 class BulkUnit:
     """A Verilated unit that takes operand arrays.
 
-    Parameters: `unit`, a name of `rtl.catalogue.CATALOGUE`; `config`, the hardware parameters. Builds the simulator, or
+    Parameters: `unit`, a name of `golden_model.units.UNITS`; `config`, the hardware parameters. Builds the simulator, or
     finds it in the cache. Raises InputError for an unknown unit or a missing tool.
 
     Attributes after `run`: `throughput` (vectors/s of the simulation, on one core, without packing), `cycles` (clock
@@ -57,8 +56,8 @@ class BulkUnit:
     """
 
     def __init__(self, unit: str, config: Config = PRESETS["base"], *, verilog: str | None = None):
-        if unit not in CATALOGUE:
-            raise InputError(f"{unit}: no such unit; known are {', '.join(sorted(CATALOGUE))}")
+        if unit not in UNITS:
+            raise InputError(f"{unit}: no such unit; known are {', '.join(sorted(UNITS))}")
         self.unit = UNITS[unit]
         self.config = config
         self.verilog = verilog_of(unit, config) if verilog is None else verilog
