@@ -48,8 +48,8 @@ class BulkError(AssertionError):
 class BulkUnit:
     """A Verilated unit that takes operand arrays.
 
-    Parameters: `unit`, a name of `golden_model.units.UNITS`; `config`, the hardware parameters. Builds the simulator, or
-    finds it in the cache. Raises InputError for an unknown unit or a missing tool.
+    Parameters: `unit`, a name of `golden_model.units.UNITS`; `config`, the hardware parameters. Builds the simulator,
+    or finds it in the cache. Raises InputError for an unknown unit or a missing tool.
 
     Attributes after `run`: `throughput` (vectors/s of the simulation, on one core, without packing), `cycles` (clock
     cycles of the last run), `latency` (cycles from the first operand to its result; exact where nothing stalled).
