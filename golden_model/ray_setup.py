@@ -14,8 +14,8 @@ def ray_setup(rays: np.ndarray) -> np.ndarray:
     """RAY (N,) to PREPARED_RAY (N,).
 
     The dominant axis kz is the one with the greatest |direction| (a NaN counts as greater than infinity); of equal ones
-    the lowest. kx and ky follow it cyclically and are swapped where direction[kz] is negative. `inverse` is 1/direction a component (of zero: infinity
-    of its sign). `shear` is (d[kx] * inverse[kz], d[ky] * inverse[kz], inverse[kz]).
+    the lowest. kx and ky follow it cyclically and are swapped where direction[kz] is negative. `inverse` is 1/direction
+    a component (of zero: infinity of its sign). `shear` is (d[kx] * inverse[kz], d[ky] * inverse[kz], inverse[kz]).
 
     A ray whose direction is zero, has a component that is not finite, or is so long that 1/d[kz] is flushed to zero
     (|d[kz]| > 2**126) gets a NaN for its whole shear, so that every triangle test misses. So does one with a NaN

@@ -85,7 +85,7 @@ def test_bytes_depend_on_nothing_else(base: Path, tmp_path: Path) -> None:
 
 
 def test_unknown_unit_is_named_with_its_neighbours(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"^ray_triangel: no such unit; choose from ray_triangle, .*float_add") as error:
+    with pytest.raises(InputError, match=r"^ray_triangel: no such unit; choose from ray_triangle, ") as error:
         emit(["float_add", "ray_triangel"], PRESETS["base"], "base", tmp_path / "out")
     assert "\n" not in str(error.value)
     assert not (tmp_path / "out").exists()
