@@ -61,6 +61,11 @@ class Sampling:
         """Rays that the budget reserves for an update. Shadow rays that cannot carry light are not traced."""
         return self.directions + self.light_samples
 
+    def require(self, budget: int) -> None:
+        """Raises InputError for a budget of rays a frame that does not pay for one update."""
+        if budget < self.cost:
+            raise InputError(f"--budget {budget}: one texel update takes {self.cost} rays; give at least as many")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Maintenance:
@@ -114,10 +119,7 @@ class Renderer:
         the camera, the charts and the tracer refuse.
         """
         self.sampling = sampling or Sampling()
-        if budget < self.sampling.cost:
-            raise InputError(
-                f"--budget {budget}: one texel update takes {self.sampling.cost} rays; give at least as many"
-            )
+        self.sampling.require(budget)
         require_light(scene)
         self.scene, self.width, self.height, self.budget, self.seed = scene, width, height, budget, seed
         bvh = build(scene.triangles)

@@ -86,7 +86,7 @@ def _cell(value: object) -> str:
         return f"{value:,}"
     if isinstance(value, float | np.floating):
         number = float(value)
-        return f"{number:,.0f}" if abs(number) >= 1e5 else f"{number:.5g}"
+        return f"{number:,.0f}" if abs(number) >= 1e4 else f"{number:.5g}"
     return str(value)
 
 

@@ -54,6 +54,8 @@ def demo(options: DemoOptions, out: Path, progress: Progress) -> dict[str, Any]:
     from sim.bulk import BulkUnit
     from sim.toolchain import compiler, verilator
 
+    sampling = Sampling(directions=options.directions, light_samples=options.light_samples)
+    sampling.require(options.budget)
     verilator(), compiler()  # what is missing is better known before the render than after it
     with whole_folder(out) as folder:
         recorder = TestRecorder(options.replay_limit, options.seed)
@@ -64,7 +66,7 @@ def demo(options: DemoOptions, out: Path, progress: Progress) -> dict[str, Any]:
                 height=options.height * options.supersample,
                 budget=options.budget,
                 seed=options.seed,
-                sampling=Sampling(directions=options.directions, light_samples=options.light_samples),
+                sampling=sampling,
                 recorder=recorder,
             )
         with progress.stage("Frames", options.frames) as advance:

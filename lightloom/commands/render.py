@@ -1,5 +1,6 @@
 """`lightloom render`."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -56,28 +57,34 @@ def render(
       lightloom render cornell-box --frames 48 --budget 300000 --directions 64 --supersample 2
       lightloom render room.glb --size 960x540 --exr --out build/room
     """
-    from golden_model.traversal import BACKENDS
+    from golden_model.traversal import BACKENDS, backend_of, trace
 
     choose(backend, BACKENDS, "backend")
     at_least(frames, 1, "--frames")
-    at_least(budget, 1, "--budget", "one texel update alone takes several rays")
     at_least(supersample, 1, "--supersample")
     width, height = image_size(size, supersample)
     if exposure is not None and not 0 < exposure < float("inf"):
         raise InputError(f"--exposure {exposure:g}: must be greater than 0")
 
+    from golden_model.bvh import build
+    from golden_model.charts import unwrap
+    from golden_model.mesh_charts import default_cache
     from golden_model.outputs import whole_folder
     from golden_model.renderer import Renderer, Sampling
-    from golden_model.scene import load_scene
-    from golden_model.traversal import backend_of
+    from golden_model.scene import load_scene, require_light
     from lightloom.console import Progress, json_text, print_json, print_table
     from lightloom.machine import machine, versions
     from lightloom.sequence import Pictures, contact_sheet, render_sequence
 
     sampling = Sampling(directions=directions, light_samples=light_samples)
+    sampling.require(budget)
     loaded = load_scene(scene)
+    require_light(loaded)  # before the charts, which may take a while
     with Progress() as progress, whole_folder(out) as folder:
-        with progress.stage("Charts and first light"):
+        with progress.stage("Charts"):
+            tracer = partial(trace, build(loaded.triangles), backend=backend)
+            lightmaps = unwrap(loaded, trace=tracer, cache=default_cache())
+        with progress.stage("First light"):
             renderer = Renderer(
                 loaded,
                 width=width * supersample,
@@ -85,6 +92,7 @@ def render(
                 budget=budget,
                 seed=seed_value(seed),
                 sampling=sampling,
+                lightmaps=lightmaps,
                 backend=backend,
             )
         with progress.stage("Frames", frames) as advance:

@@ -170,7 +170,7 @@ def some_rays(count: int) -> np.ndarray:
 @pytest.fixture
 def rays_file(tmp_path: Path) -> Path:
     rays = some_rays(300)
-    np.savez(tmp_path / "rays.npz", **{name: rays[name] for name in rays.dtype.names})  # type: ignore[arg-type]
+    np.savez(tmp_path / "rays.npz", **{name: rays[name] for name in rays.dtype.names or ()})  # type: ignore[arg-type]
     return tmp_path / "rays.npz"
 
 
@@ -197,7 +197,7 @@ def test_trace(cli: Run, tmp_path: Path, rays_file: Path, any_hit: bool) -> None
 
 def test_no_rays(cli: Run, tmp_path: Path, room: Path) -> None:
     rays = some_rays(1)[:0]
-    np.savez(tmp_path / "rays.npz", **{name: rays[name] for name in rays.dtype.names})  # type: ignore[arg-type]
+    np.savez(tmp_path / "rays.npz", **{name: rays[name] for name in rays.dtype.names or ()})  # type: ignore[arg-type]
     assert cli("trace", room, "--rays", tmp_path / "rays.npz", "--out", tmp_path / "hits.npz").code == 0
     with np.load(tmp_path / "hits.npz") as file:
         assert {name: file[name].shape for name in file.files} == dict.fromkeys(("primitive", "t", "u", "v"), (0,))
