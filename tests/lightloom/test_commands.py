@@ -228,11 +228,10 @@ def test_irradiance(cli: Run, tmp_path: Path, room: Path) -> None:
 # --- bench ----------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.usefixtures("quick_verilog")
 def test_bench(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """It runs and has its keys; how fast is no matter of tests."""
     monkeypatch.setattr("lightloom.bench_tracing.BUNNY", Path("no such file"))
-    monkeypatch.setattr("rtl.catalogue.CATALOGUE", {"float_compare": CATALOGUE["float_compare"]})
-    monkeypatch.setattr("sim.bulk.CATALOGUE", CATALOGUE)
     outcome = cli("bench", "--vectors", 1000, "--rays", 200, "--json")
     assert outcome.code == 0, outcome
     report = json.loads(outcome.out)

@@ -15,7 +15,6 @@ from lightloom import replay as replay_module
 from lightloom.bench_tracing import surface_rays
 from lightloom.replay import replay
 from lightloom.sequence import looped, shown_lightmaps
-from rtl.catalogue import CATALOGUE
 from sim.bulk import BulkUnit
 
 from .conftest import Run, files_below
@@ -44,14 +43,6 @@ def some_tests(count: int) -> np.ndarray:
     triangles = load_scene("cornell-box").triangles
     index = np.random.default_rng(3).integers(0, len(triangles), count)
     return triangle_tests(ray_setup(surface_rays(triangles, count)), triangles[index])
-
-
-@pytest.fixture
-def quick_verilog(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Emits only the smallest unit; the simulator is of the real one."""
-    monkeypatch.setattr("rtl.catalogue.CATALOGUE", {"float_compare": CATALOGUE["float_compare"]})
-    monkeypatch.setattr("sim.bulk.CATALOGUE", CATALOGUE)
-    monkeypatch.setattr("gen.verilog.CATALOGUE", CATALOGUE)
 
 
 class Page(html.parser.HTMLParser):
