@@ -128,6 +128,7 @@ def run_bench(
             extra_env={"LIGHTLOOM_BENCH": json.dumps(description), "COCOTB_ANSI_OUTPUT": "0"},
             seed=seed,
             waves=waves,
+            plusargs=[f"+dumpfile_path={folder / f'{unit}.fst'}"] if waves and simulator == "icarus" else [],
             log_file=log,
         )
     tests, failed = get_results(results) if results.exists() else (0, 0)
