@@ -4,6 +4,7 @@ Exit codes: 0 done; 1 a comparison found a difference; 2 bad input, said in one 
 Lightloom's own, with its traceback; 130 interrupted. Whatever the code, outputs are whole or not there.
 """
 
+import os
 import signal
 import sys
 import traceback
@@ -81,4 +82,10 @@ def main() -> None:
     """The console entry point."""
     # A polite kill unwinds like Ctrl-C, so that scratch files go.
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(TERMINATED))
-    sys.exit(run(sys.argv[1:]))
+    code = run(sys.argv[1:])
+    try:
+        sys.stdout.flush()
+    except OSError:
+        # Said already. What is left in the buffer would fail again on the way out and take the place of the exit code.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    sys.exit(code)
