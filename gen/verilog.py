@@ -5,9 +5,8 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from amaranth.hdl import ClockDomain, ClockSignal, Fragment, Instance, Value
-from amaranth.lib import wiring
-from amaranth.lib.wiring import In
+from amaranth.hdl import ClockDomain, ClockSignal, Fragment, Instance, Signal, Value
+from amaranth.lib import data, wiring
 
 from rtl.catalogue import CATALOGUE
 from rtl.config import Config
@@ -40,6 +39,8 @@ proc_dff
 proc_memwr
 proc_clean
 memory_collect
+# No wider than what is used: otherwise every sum carries, and every shift keeps, bits that nobody reads.
+wreduce
 opt_expr
 opt_merge
 opt_clean
@@ -67,12 +68,18 @@ def convert(component: wiring.Component, name: str) -> str:
     fragment = Fragment.get(component, None)
     cores: dict[str, tuple[Core, Fragment]] = {}
     _share_cores(fragment, name, cores)
-    texts = [_rtlil(fragment, component, name, ClockDomain("sync"))]
-    for module, (core, part) in cores.items():
-        texts.append(_rtlil(part, core, module, ClockDomain("sync", reset_less=True)))  # a core's data has no reset
+    ports = {port: value for port, _, value in ports_of(component)}
+    texts = [_rtlil(fragment, name, ClockDomain("sync"), ports)]
+    texts += [_core_rtlil(part, module, core) for module, (core, part) in cores.items()]
     script = SCRIPT.format(rtlil="\n".join(texts), top=name)
     # Amaranth ignores Yosys's warnings too: they are about processes, which are gone before anything is written.
     return find_yosys(lambda version: version >= (0, 40)).run(["-q", "-"], script, ignore_warnings=True)
+
+
+def ports_of(component: wiring.Component) -> Iterator[tuple[str, wiring.Member, Value]]:
+    """Name, member and value of every port; names of paths are joined by __, as Amaranth does it."""
+    for path, member, value in component.signature.flatten(component):
+        yield "__".join(map(str, path)), member, Value.cast(value)
 
 
 def _share_cores(fragment: Fragment, top: str, cores: dict[str, tuple[Core, Fragment]]) -> None:
@@ -91,22 +98,33 @@ def _share_cores(fragment: Fragment, top: str, cores: dict[str, tuple[Core, Frag
             _share_cores(part, top, cores)
             cores[module] = (core, part)
         assert type(cores[module][0]) is type(core), f"{module} would stand for two different cores"
-        ports = {f"{'i' if member.flow == In else 'o'}_{name}": value for name, member, value in ports_of(core)}
-        fragment.subfragments[index] = (Instance(module, i_clk=ClockSignal(), **ports), instance_name, location)
+        ports = {f"i_i_{name}": value for name, value in _fields(core.i)}
+        ports |= {f"o_o_{name}": value for name, value in _fields(core.o)}
+        instance = Instance(module, i_clk=ClockSignal(), i_en=core.en, **ports)
+        fragment.subfragments[index] = (instance, instance_name, location)
 
 
-def _rtlil(fragment: Fragment, component: wiring.Component, name: str, clock: ClockDomain) -> str:
+def _core_rtlil(fragment: Fragment, name: str, core: Core) -> str:
+    """A core as a module with a port for every field of its operands and results."""
+    ports: dict[str, Value] = {"en": core.en}
+    for field, value in _fields(core.i):
+        ports[f"i_{field}"] = port = Signal(len(value), name=f"i_{field}")
+        fragment.add_statements("comb", value.eq(port))
+    for field, value in _fields(core.o):
+        ports[f"o_{field}"] = port = Signal(len(value), name=f"o_{field}")
+        fragment.add_statements("comb", port.eq(value))
+    return _rtlil(fragment, name, ClockDomain("sync", reset_less=True), ports)  # a core's data has no reset
+
+
+def _fields(view: data.View) -> Iterator[tuple[str, Value]]:
+    for name, _ in view.shape():
+        yield name, Value.cast(view[name])
+
+
+def _rtlil(fragment: Fragment, name: str, clock: ClockDomain, ports: dict[str, Value]) -> str:
     fragment.add_domains(clock)
-    ports: dict[str, Any] = {"clk": (clock.clk, None)}
-    if clock.rst is not None:
-        ports["rst"] = (clock.rst, None)
-    ports |= {port: (value, None) for port, _, value in ports_of(component)}
-    text, _ = rtlil.convert_fragment(fragment, ports, name, emit_src=False)
+    clocks = {"clk": clock.clk} | ({} if clock.rst is None else {"rst": clock.rst})
+    directed: dict[str, Any] = {port: (value, None) for port, value in (clocks | ports).items()}
+    text, _ = rtlil.convert_fragment(fragment, directed, name, emit_src=False)
     # Amaranth gives every choice a default; told that it is out of reach, Yosys would put X there.
     return re.sub(r"^ *attribute \\full_case 1\n", "", text, flags=re.MULTILINE)
-
-
-def ports_of(component: wiring.Component) -> Iterator[tuple[str, wiring.Member, Value]]:
-    """Name, member and value of every port; names of paths are joined by __, as Amaranth does it."""
-    for path, member, value in component.signature.flatten(component):
-        yield "__".join(map(str, path)), member, Value.cast(value)

@@ -7,6 +7,7 @@ from amaranth.lib import data
 
 CANONICAL_NAN = 0x7FC00000
 INFINITY = 0xFF  # biased exponent of infinities and NaNs
+INFINITE_BITS = INFINITY << 23  # an infinity without its sign
 
 # A float32 operand, classified. `zero` includes subnormals; `significand` has the hidden one (0 for a zero).
 Operand = data.StructLayout(
@@ -24,8 +25,8 @@ def unpack(m: Module, bits: Any, name: str) -> data.View:
         out.exponent.eq(exponent),
         out.zero.eq(exponent == 0),
         out.significand.eq(Mux(exponent == 0, 0, Cat(fraction, Const(1, 1)))),
-        out.infinite.eq((exponent == INFINITY) & (fraction == 0)),
-        out.nan.eq((exponent == INFINITY) & (fraction != 0)),
+        out.infinite.eq(raw[:31] == INFINITE_BITS),
+        out.nan.eq(raw[:31] > INFINITE_BITS),
     ]
     return out
 

@@ -1,29 +1,26 @@
-"""Shifters and the leading-zero count, built as trees: the wide logic that the number units share."""
+"""Shifters and the leading-zero count: the wide logic that the number units share."""
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
 
 def shift_left(m: Module, value: Value, amount: Value, name: str) -> Signal:
-    """`value << amount` in the width of `value`: one row of multiplexers a bit of `amount`."""
-    for index, bit in enumerate(amount):
-        row = Signal(len(value), name=f"{name}{index}")
-        m.d.comb += row.eq(Mux(bit, Cat(Const(0, 1 << index), value), value))
-        value = row
-    return value
+    """`value << amount` in the width of `value`."""
+    out = Signal(len(value), name=name)
+    m.d.comb += out.eq(value << amount)
+    return out
 
 
 def shift_right(m: Module, value: Value, amount: Value, name: str) -> tuple[Signal, Signal]:
-    """`value >> amount` and whether a one fell out at the low end."""
-    lost = Const(0, 1)
-    for index, bit in enumerate(amount):
-        row = Signal(len(value), name=f"{name}{index}")
-        fell = Signal(name=f"{name}_lost{index}")
-        m.d.comb += [
-            row.eq(Mux(bit, value[1 << index :], value)),
-            fell.eq(lost | (bit & value[: 1 << index].any())),
-        ]
-        value, lost = row, fell
-    return value, lost
+    """`value >> amount` and whether a one fell out at the low end, found beside the shift, not after it."""
+    out, falling = Signal(len(value), name=name), Signal(len(value), name=f"{name}_falling")
+    lost = Signal(name=f"{name}_lost")
+    ones = Const(-1, len(value))
+    m.d.comb += [
+        out.eq(value >> amount),
+        falling.eq(value & ~(ones << amount)),
+        lost.eq(falling.any()),
+    ]
+    return out, lost
 
 
 def leading_zeros(m: Module, value: Value, name: str) -> Signal:

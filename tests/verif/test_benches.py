@@ -51,8 +51,8 @@ def test_ray_triangle_bench_of_the_other_presets(preset: str, tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("original", "mutant", "message"),
     [
-        ("{ tag0, o }", "{ tag0, o ^ 4'h1 }", "operation 0: operands 0x"),
-        ("{ tag0, o }", "{ 8'h00, o }", "operation 1: operands 0x"),
+        ("{ tag0, ", "{ tag0, ~", "operation 0: operands 0x"),
+        ("{ tag0, ", "{ 8'h00, ", "operation 1: operands 0x"),
         ("else if (i__ready) o__valid", "else o__valid", "withdrawn"),
         ("if (i__ready) tag0", "tag0", "a waiting result changed"),
         ("_0_ | o__ready", "1'b1", "a waiting result changed"),
