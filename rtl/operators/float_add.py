@@ -38,7 +38,7 @@ def order(m: Module, *, a: Value, b: Value, subtract: Value) -> dict[str, Any]:
         "smaller": smaller,
         "distance": distance[:5] | distance[5:].any().replicate(5),  # 31 or more: beyond the 27 bits below
         "exponent": Mux(swap, y.exponent, x.exponent),
-        "sign": Mux(swap, sign_y, x.sign),
+        "sign": x.sign ^ (swap & differ),
         "differ": differ & ~infinite,
         "infinite": infinite,
         "nan": x.nan | y.nan | (x.infinite & y.infinite & differ),
