@@ -17,21 +17,25 @@ def trace_brute_force(
     rays: np.ndarray,
     *,
     any_hit: bool = False,
+    setup: Callable[[np.ndarray], np.ndarray] = ray_setup,
     intersect: Callable[[np.ndarray], np.ndarray] = ray_triangle,
+    advance: Callable[[float], None] = lambda rays: None,
 ) -> np.ndarray:
     """TRIANGLE (T,) and RAY (N,) to HIT (N,), as `traversal.trace` defines it, with all N*T tests made.
 
-    `intersect` takes RAY_TRIANGLE (M,) to TRIANGLE_HIT (M,): the model, or the RTL in a simulator.
+    `setup` takes RAY (N,) to PREPARED_RAY (N,), `intersect` RAY_TRIANGLE (M,) to TRIANGLE_HIT (M,): the models, or the
+    RTL in a simulator. `advance` is told of rays that are done.
     """
     hits = np.zeros(len(rays), dtype=HIT)
     hits["primitive"] = -1
-    prepared = ray_setup(rays)
+    prepared = setup(rays)
     step = max(BATCH // max(len(triangles), 1), 1)
     for start in range(0, len(rays), step):
         part = prepared[start : start + step]
         best = hits[start : start + step]
         for base in range(0, len(triangles), BATCH):
             _nearest(best, part, triangles[base : base + BATCH], base, intersect)
+        advance(len(part))
     if any_hit:
         occluded = hits["primitive"] >= 0
         hits[:] = 0

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -216,9 +217,9 @@ class Renderer:
         return Maintenance(texels=texel, rays={"indirect": len(rays), "shadow": len(carrying)})
 
 
-def render(scene: Scene, frames: int, **options: object) -> Iterator[FrameResult]:
+def render(scene: Scene, frames: int, **options: Any) -> Iterator[FrameResult]:
     """The first `frames` frames of a scene; options as for `Renderer`."""
-    renderer = Renderer(scene, **options)  # type: ignore[arg-type]
+    renderer = Renderer(scene, **options)
     for _ in range(frames):
         yield renderer.frame()
 

@@ -29,6 +29,7 @@ CHUNK = 1 << 20
 # the time, and its last optimisation of the whole design gives each copy of a module code of its own (see `_sharing`).
 VERILATE = ["--cc", "--prefix", "Vbulk", "--top-module", "bulk", "-O3", "--x-assign", "fast", "--x-initial", "fast"]
 VERILATE += ["--no-timing", "-Wno-fatal", "-fno-merge-cond", "-fno-dfg-scoped"]
+# -Wno-fatal: what a warning means for the Verilog is judged once, by the lint of gen/lint.vlt, not by every build.
 # Conditional moves instead of branches, for the same reason. No -march=native: a cached binary may be run on another
 # machine.
 COMPILE = ["-std=c++17", "-O2", "-fno-thread-jumps", "-fno-split-paths"]

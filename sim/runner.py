@@ -8,7 +8,6 @@ import contextlib
 import hashlib
 import json
 import logging
-import os
 import shutil
 import tempfile
 from pathlib import Path
@@ -25,8 +24,8 @@ from golden_model.units import UNITS
 from rtl.config import PRESETS, Config
 from sim import toolchain
 
-SIMULATORS = ("verilator", "icarus")
 PRECISION = ("1ns", "1ps")
+# -Wno-fatal: what a warning means for the Verilog is judged once, by the lint of gen/lint.vlt, not by every build.
 VERILATE = ["--cc", "--exe", "--vpi", "--prefix", "Vtop", "--x-initial", "unique", "-O3", "-Wno-fatal"]
 
 
@@ -174,5 +173,4 @@ def _built(unit: str, simulator: str, text: str, waves: bool) -> cocotb_tools.ru
                 ) from error
             done.touch()
     runner.build_dir = folder
-    os.environ.pop("COCOTB_RESULTS_FILE", None)
     return runner

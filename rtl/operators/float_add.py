@@ -81,7 +81,7 @@ def round_sum(
     infinite: Value,
     nan: Value,
 ) -> dict[str, Any]:
-    """x - x is +0; a sum of zeros of one sign keeps it."""
+    """Equal magnitudes of opposite signs give +0; a sum of zeros of one sign keeps it."""
     finite = rounded(m, sign=sign, exponent=exponent, kept=kept, guard=guard, sticky=sticky, name="finite")
     zero = ~kept[23]
     return {"z": with_specials(m, finite=finite, sign=sign & ~(zero & differ), nan=nan, infinite=infinite, zero=zero)}

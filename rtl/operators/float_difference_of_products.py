@@ -13,9 +13,10 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
 
-from rtl.operators.fields import add_with_carry, rounded, unpack, with_specials
+from rtl.operators.fields import add_with_carry, unpack
+from rtl.operators.float_add import count, round_sum
 from rtl.operators.float_multiply import rows, sum_of_rows
-from rtl.operators.shifts import leading_zeros, shift_left, shift_right
+from rtl.operators.shifts import shift_left, shift_right
 from rtl.pipeline import Step, StepCore
 
 WIDTH = 48 + 3
@@ -129,33 +130,11 @@ def add(m: Module, *, greater: Value, smaller: Value, differ: Value, sign: Value
     return {"total": total, "differ": differ, "sign": sign ^ negative, **rest}
 
 
-def count(m: Module, *, total: Value, **rest: Any) -> dict[str, Any]:
-    return {"total": total, "zeros": leading_zeros(m, total, "zeros"), **rest}
-
-
 def normalise(m: Module, *, total: Value, zeros: Value, exponent: Value, **rest: Any) -> dict[str, Any]:
     scaled = shift_left(m, total, zeros, "scaled")
     biased = Signal(signed(10))
     m.d.comb += biased.eq(exponent - 125 - zeros)
     return {"kept": scaled[28:], "guard": scaled[27], "sticky": scaled[:27].any(), "exponent": biased, **rest}
-
-
-def round_difference(
-    m: Module,
-    *,
-    kept: Value,
-    guard: Value,
-    sticky: Value,
-    exponent: Value,
-    sign: Value,
-    differ: Value,
-    infinite: Value,
-    nan: Value,
-) -> dict[str, Any]:
-    """Equal products give +0; a sum of zeros of one sign keeps it."""
-    finite = rounded(m, sign=sign, exponent=exponent, kept=kept, guard=guard, sticky=sticky, name="finite")
-    zero = ~kept[23]
-    return {"z": with_specials(m, finite=finite, sign=sign & ~(zero & differ), nan=nan, infinite=infinite, zero=zero)}
 
 
 class FloatDifferenceOfProducts(StepCore):
@@ -165,4 +144,4 @@ class FloatDifferenceOfProducts(StepCore):
 
     @classmethod
     def steps(cls) -> list[Step]:
-        return [multiply, add_rows, align, add, count, normalise, round_difference]
+        return [multiply, add_rows, align, add, count, normalise, round_sum]

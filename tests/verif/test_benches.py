@@ -24,7 +24,7 @@ def operands(unit: str, count: int) -> np.ndarray:
     return {"ray_setup": ray_setup_vectors, "ray_triangle": ray_triangle_vectors}[unit](count, SEED)
 
 
-def bench(unit: str, simulator: str, folder: Path, preset: str = "base", **options: str) -> int:
+def bench(unit: str, simulator: str, folder: Path, preset: str = "base", verilog: str | None = None) -> int:
     return run_bench(
         unit,
         simulator,
@@ -33,7 +33,7 @@ def bench(unit: str, simulator: str, folder: Path, preset: str = "base", **optio
         config=PRESETS[preset],
         module="verif.test_operators" if unit in OPERATORS else None,
         folder=folder,
-        **options,  # type: ignore[arg-type]
+        verilog=verilog,
     )
 
 
