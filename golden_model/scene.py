@@ -1,24 +1,34 @@
 """A scene in memory: triangles, objects, materials, lights and a camera.
 
 Conventions, everywhere in Lightloom: right-handed world coordinates; a triangle's front is the side from which its
-vertices run counter-clockwise, so its normal is (v1 - v0) x (v2 - v0); surfaces are diffuse and reflect on both sides;
-area lights shine from their front only. Radiance, irradiance and so on are RGB in W, m and sr as far as the scene's own
-unit of length is taken for the metre.
+vertices run counter-clockwise, so its normal is (v1 - v0) x (v2 - v0); diffuse surfaces reflect on both sides, mirrors
+and glass have no lightmap; area lights shine from their front only. Radiance, irradiance and so on are RGB in W, m and
+sr as far as the scene's own unit of length is taken for the metre.
+
+A scene as loaded is at *rest*: every object where its file puts it. `Scene.at` gives the scene of a frame, in which
+objects, lights and camera are moved along their paths (golden_model/paths.py); it is a function of scene and frame.
 """
 
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from golden_model.errors import InputError
 from golden_model.formats import POINT_LIGHT, TRIANGLE
+from golden_model.paths import REST, LightPath, ObjectPath, segment
 
 LARGEST, SMALLEST = 2.0**40, 2.0**-40
 """Coordinates lie within +-LARGEST and the scene is larger than SMALLEST: squares of lengths stay normal float32."""
 
+DIFFUSE, MIRROR, GLASS = 0, 1, 2
+"""Kinds of surface: diffuse ones have lightmaps; mirrors reflect, glass reflects and refracts, both without any blur."""
+
+DEFAULT_IOR = 1.5
+"""Index of refraction of glass whose file names none."""
 
 DEFAULT_ALBEDO = (0.7, 0.7, 0.7)
 """Of surfaces whose file names no material."""
@@ -66,6 +76,18 @@ class Part:
     """Material of each triangle, (F,) int32, an index into its own materials."""
     normals: np.ndarray | None = None
     """Unit normals at the corners, (F, 3, 3) float32, or None: derived by `shading_normals`."""
+    surface: int = DIFFUSE
+    """DIFFUSE, MIRROR or GLASS, of all its materials."""
+    ior: float = DEFAULT_IOR
+    """Index of refraction, where it is glass."""
+    texture: np.ndarray | None = None
+    """Linear RGB, (H, W, 3) float32, of all its materials; multiplies the albedo."""
+    texture_uv: np.ndarray | None = None
+    """Texture coordinates at the corners, (F, 3, 2) float32; None: (0, 0) everywhere."""
+    path: ObjectPath | None = None
+    """Its motion; None: it stays."""
+    coarse: "Part | None" = None
+    """The same object of fewer triangles, with the same materials, for `Scene.coarse`; None: it has no other form."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,17 +106,95 @@ class Scene:
     material: np.ndarray
     """Material of each triangle, (T,) int32."""
     albedo: np.ndarray
-    """Diffuse reflectance of each material, (M, 3) float32, 0 to 1."""
+    """Reflectance of each material, (M, 3) float32, 0 to 1: diffuse, or the tint of a mirror or of glass."""
     emission: np.ndarray
-    """Radiance that each material's front side emits, (M, 3) float32."""
+    """Radiance that each material's front side emits, (M, 3) float32, at this frame."""
+    surface: np.ndarray
+    """DIFFUSE, MIRROR or GLASS of each material, (M,) uint8."""
+    ior: np.ndarray
+    """Index of refraction of each material, (M,) float32; of use for GLASS."""
+    texture: np.ndarray
+    """Texture of each material, (M,) int32, an index into `textures`; -1: none."""
+    textures: tuple[np.ndarray, ...] = ()
+    """Linear RGB, (H, W, 3) float32 each; row 0 is at the bottom, v = 0. The albedo multiplies them."""
+    texture_uv: np.ndarray
+    """Texture coordinates at the corners, (T, 3, 2) float32; 1 is the whole picture, which repeats."""
+    material_object: np.ndarray
+    """Object of each material, (M,) int32: every object has materials of its own."""
     point_lights: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=POINT_LIGHT))
     """POINT_LIGHT (P,)."""
     camera: Camera
-    """Where the first frame is seen from, if there is no path."""
+    """Of a frame's scene its camera; of the scene at rest where it is seen from if there is no path."""
     camera_path: tuple[Keyframe, ...] = ()
     """Keyframes, frame numbers rising."""
     texel_size: float
     """Side of a lightmap texel in the scene's unit of length."""
+    object_path: tuple[ObjectPath | None, ...]
+    """Motion of each object, (O,); None: it stays. Objects with the same path (one tuple member) move together."""
+    light_path: tuple[LightPath | None, ...] = ()
+    """Motion of each point light, (P,) or empty."""
+    rotation: np.ndarray
+    """Pose of each object, (O, 3, 3) float32: a point p at rest is at rotation p + translation."""
+    translation: np.ndarray
+    """(O, 3) float32."""
+    glow: np.ndarray
+    """Factor by which `emission` differs from that at rest, of each object, (O,) float32; 0 where it is absent."""
+    present: np.ndarray
+    """(O,) bool. The triangles of an absent object have NaN vertices: no ray and no pixel meets them."""
+    coarse: "Scene | None" = None
+    """The same objects and materials with fewer triangles ([0055]); None: no object has another form."""
+    rest: "Scene | None" = field(default=None, repr=False)
+    """The scene at rest that this one is a frame of; None: this one is it."""
+    frame: int | None = None
+    """The frame of which this is the scene; None: it is at rest."""
+
+    @functools.cached_property
+    def dynamic(self) -> bool:
+        """Whether anything but the camera ever changes: an object's place, presence or emission, or a point light."""
+        return any(path is not None for path in (*self.object_path, *self.light_path))
+
+    @property
+    def last_frame(self) -> int:
+        """The frame after which nothing new happens: the last keyframe, or the end of the longest loop; 0 without."""
+        paths = [path for path in (*self.object_path, *self.light_path) if path is not None]
+        frames = [path.loop or path.keys[-1].frame for path in paths]
+        return max([0, *frames, *(key.frame for key in self.camera_path[-1:])])
+
+    def at(self, frame: int) -> "Scene":
+        """The scene of a frame, 0 or more; of any scene of the sequence, at rest or not, the same.
+
+        Arrays that do not change are shared with the scene at rest; where nothing ever changes it is that very scene.
+        """
+        from golden_model.motion import posed  # it takes scenes, so it imports this module
+
+        return posed(self if self.rest is None else self.rest, frame)
+
+    @functools.cached_property
+    def lightmapped(self) -> np.ndarray:
+        """Which objects have lightmaps: those with a diffuse material, (O,) bool."""
+        out = np.zeros(len(self.object_names), dtype=bool)
+        out[self.material_object[self.surface == DIFFUSE]] = True
+        return out
+
+    @functools.cached_property
+    def brightest(self) -> float:
+        """The largest radiance that any triangle emits in any frame, of any colour; 0 if none does."""
+        scene = self if self.rest is None else self.rest
+        most = [max([key.emission for key in path.keys]) if path else 1.0 for path in scene.object_path]
+        used = np.unique(scene.material)
+        factor = np.array(most, dtype=np.float64)[scene.material_object[used]]
+        return float((scene.emission[used] * factor[:, None]).max(initial=0.0))
+
+    @functools.cached_property
+    def brightest_lights(self) -> float:
+        """No less than the intensities of all point lights together, in any frame, of any colour; 0 without lights."""
+        scene = self if self.rest is None else self.rest
+        total = np.zeros(3)
+        for k, light in enumerate(scene.point_lights):
+            path = scene.light_path[k] if scene.light_path else None
+            all_frames = [key.intensity for key in path.keys] if path else [light["intensity"]]
+            total = total + np.array(all_frames, dtype=np.float64).max(axis=0)
+        return float(total.max())
 
     @property
     def corners(self) -> np.ndarray:
@@ -102,27 +202,39 @@ class Scene:
         return np.stack([self.triangles["v0"], self.triangles["v1"], self.triangles["v2"]], axis=1)
 
     @functools.cached_property
+    def reach(self) -> float:
+        """No coordinate of any triangle exceeds this in any frame: found from the paths, so the same for all frames."""
+        if self.rest is not None:
+            return self.rest.reach
+        largest = float(np.abs(self.corners).max())
+        for number, path in enumerate(self.object_path):
+            if path is not None:
+                # Rotated about the pivot a point stays as far from it; the largest component bounds each of the others.
+                away = (self.corners[self.object_id == number] - path.pivot).astype(np.float64)
+                squares = away * away
+                radius = float(np.sqrt((squares[..., 0] + squares[..., 1] + squares[..., 2]).max()))
+                centre = max(float(np.abs(path.pivot + key.translate).max()) for key in path.keys)
+                largest = max(largest, centre + radius)
+        return largest
+
+    @functools.cached_property
     def offset(self) -> np.float32:
         """How far off a surface rays start: 2**-17 of the largest coordinate (rounded up to a power of two).
 
         A point on a triangle, computed in float32, lies within a few units in the last place (2**-24) of the largest
         coordinate of the triangle's plane; so does the plane that the intersection test sees. The offset is 128 such
-        units: enough at any scale and anywhere in the scene, and far below anything that can be seen.
+        units: enough at any scale and anywhere in the scene, and far below anything that can be seen. It is the same
+        in all frames.
         """
-        largest = np.abs(self.corners).max()
-        return np.float32(np.ldexp(np.float32(2.0**-17), int(np.frexp(largest)[1])))
+        return np.float32(np.ldexp(np.float32(2.0**-17), int(np.frexp(np.float32(self.reach))[1])))
 
     def camera_at(self, frame: int) -> Camera:
         """The camera of a frame: on the straight line between the keyframes around it; before and after, at the end."""
         path = self.camera_path
         if not path:
             return self.camera
-        after = next((k for k, key in enumerate(path) if key.frame > frame), len(path))
-        if after in (0, len(path)):
-            key = path[0] if after == 0 else path[-1]
-            return replace(self.camera, position=key.position, target=key.target)
-        begin, end = path[after - 1], path[after]
-        step = np.float32(frame - begin.frame) / np.float32(end.frame - begin.frame)
+        first, second, step = segment([key.frame for key in path], frame)
+        begin, end = path[first], path[second]
         return replace(
             self.camera,
             position=begin.position + step * (end.position - begin.position),
@@ -131,8 +243,8 @@ class Scene:
 
 
 def require_light(scene: Scene) -> None:
-    """Raises InputError where nothing in the scene shines."""
-    if not (scene.emission[scene.material].any() or scene.point_lights["intensity"].any()):
+    """Raises InputError where nothing in the scene shines in any frame."""
+    if not (scene.brightest or scene.brightest_lights):
         raise InputError(
             f"{scene.name}: the scene has no light; give a material emission (MTL: Ke, GLB: emissiveFactor) "
             "or write a scene file (TOML) with a [[point_light]]"
@@ -177,13 +289,14 @@ def assemble(
     camera: Camera | None = None,
     camera_path: tuple[Keyframe, ...] = (),
     point_lights: np.ndarray | None = None,
+    light_path: tuple[LightPath | None, ...] = (),
     texel_size: float | None = None,
 ) -> Scene:
-    """Parts to a scene, each part one object. `where` (a file, an option) begins the message of every InputError.
+    """Parts to a scene at rest, each part one object. `where` (a file, an option) begins every InputError.
 
     Without `camera` the scene gets one that frames it, without `texel_size` a 64th of its longest side.
     """
-    from golden_model.mesh import check_part, shading_normals
+    from golden_model.mesh import check_part
 
     if not any(len(part.corners) for part in parts):
         raise InputError(f"{where}: no triangles; a scene needs at least one")
@@ -196,30 +309,87 @@ def assemble(
             f"{where}: coordinates must lie within +-{LARGEST:.0e} and span {SMALLEST:.0e}; scale the scene"
         )
 
+    fine = _assembled(
+        parts,
+        name=name,
+        point_lights=np.zeros(0, dtype=POINT_LIGHT) if point_lights is None else point_lights,
+        camera=framing_camera(low, high) if camera is None else camera,
+        camera_path=camera_path,
+        light_path=light_path,
+        texel_size=float((high - low).max()) / 64 if texel_size is None else texel_size,
+    )
+    if fine.reach > LARGEST:
+        raise InputError(f"{where}: a path leads beyond +-{LARGEST:.0e}; shorten it")
+    if all(part.coarse is None for part in parts):
+        return fine
+    return replace(fine, coarse=_with_triangles(fine, [part.coarse or part for part in parts]))
+
+
+def _assembled(parts: Sequence[Part], **rest: Any) -> Scene:
+    """Checked parts to a scene; `rest` are the fields that no part has."""
     names: list[str] = []
     for part in parts:
         same = sum(part.name == other.name for other in parts[: len(names)])
         names.append(part.name if same == 0 else f"{part.name}.{same + 1}")
-    first_material = np.cumsum([0, *(len(part.albedo) for part in parts)])
-    triangles = np.zeros(len(corners), dtype=TRIANGLE)
-    for k in range(3):
-        triangles[f"v{k}"] = corners[:, k]
+    materials = [len(part.albedo) for part in parts]
+    textures: list[np.ndarray] = []
+    texture = [_index(textures, part.texture) for part in parts]
     return Scene(
-        name=name,
-        triangles=triangles,
-        normals=np.concatenate([shading_normals(p.corners) if p.normals is None else p.normals for p in parts]),
-        object_id=np.repeat(np.arange(len(parts)), [len(p.corners) for p in parts]).astype(np.int32),
         object_names=names,
-        material=np.concatenate([p.material + first for p, first in zip(parts, first_material, strict=False)]).astype(
-            np.int32
-        ),
         albedo=np.concatenate([p.albedo for p in parts]),
         emission=np.concatenate([p.emission for p in parts]),
-        point_lights=np.zeros(0, dtype=POINT_LIGHT) if point_lights is None else point_lights,
-        camera=framing_camera(low, high) if camera is None else camera,
-        camera_path=camera_path,
-        texel_size=float((high - low).max()) / 64 if texel_size is None else texel_size,
+        surface=np.repeat([p.surface for p in parts], materials).astype(np.uint8),
+        ior=np.repeat([p.ior for p in parts], materials).astype(np.float32),
+        texture=np.repeat(texture, materials).astype(np.int32),
+        textures=tuple(textures),
+        material_object=np.repeat(np.arange(len(parts)), materials).astype(np.int32),
+        object_path=tuple(part.path for part in parts),
+        rotation=np.repeat(REST.rotation[None], len(parts), axis=0),
+        translation=np.repeat(REST.translation[None], len(parts), axis=0),
+        glow=np.ones(len(parts), dtype=np.float32),
+        present=np.ones(len(parts), dtype=bool),
+        **_triangles(parts),
+        **rest,
     )
+
+
+def _with_triangles(scene: Scene, parts: Sequence[Part]) -> Scene:
+    """The scene with the triangles of other parts for the same objects."""
+    return replace(scene, **_triangles(parts))
+
+
+def _triangles(parts: Sequence[Part]) -> dict[str, np.ndarray]:
+    """What a scene has for each triangle."""
+    from golden_model.mesh import shading_normals
+
+    first_material = np.cumsum([0, *(len(part.albedo) for part in parts)])
+    triangles = np.zeros(sum(len(p.corners) for p in parts), dtype=TRIANGLE)
+    corners = np.concatenate([p.corners for p in parts]).astype(np.float32)
+    for k in range(3):
+        triangles[f"v{k}"] = corners[:, k]
+    none = [np.zeros((len(p.corners), 3, 2), dtype=np.float32) for p in parts]
+    return {
+        "triangles": triangles,
+        "normals": np.concatenate([shading_normals(p.corners) if p.normals is None else p.normals for p in parts]),
+        "object_id": np.repeat(np.arange(len(parts)), [len(p.corners) for p in parts]).astype(np.int32),
+        "material": np.concatenate(
+            [p.material + first for p, first in zip(parts, first_material, strict=False)]
+        ).astype(np.int32),
+        "texture_uv": np.concatenate(
+            [empty if p.texture_uv is None else p.texture_uv for p, empty in zip(parts, none, strict=True)]
+        ),
+    }
+
+
+def _index(textures: list[np.ndarray], texture: np.ndarray | None) -> int:
+    """The number of a texture in the list, where it is put if it is not there; -1 for None."""
+    if texture is None:
+        return -1
+    for number, known in enumerate(textures):
+        if known is texture:
+            return number
+    textures.append(texture)
+    return len(textures) - 1
 
 
 def framing_camera(low: np.ndarray, high: np.ndarray) -> Camera:
