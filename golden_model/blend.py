@@ -6,14 +6,17 @@ from golden_model.floats import canonical, float_add, float_divide, float_multip
 from golden_model.formats import BLEND, BLENDED, TEXEL_STATE
 
 ALPHA_MIN = np.float32(0.10)
-COUNT_MAX = 65535
+COUNT_MAX = 255
+"""Where `count` stops, so that an average of the first samples can be as long as that."""
+NUMBERS = 4096
+"""The updates of a texel are numbered modulo NUMBERS."""
 
 
 def blend(operands: np.ndarray) -> np.ndarray:
     """BLEND (N,) to BLENDED (N,): new = old + alpha * (sample - old), alpha = max(1 / (count + 1), alpha_min).
 
     Every operation rounds once, as the number units do. A texel that was never sampled (count 0) takes the sample as
-    it is, whatever it held; so to drop an old value ([0077], claim 14) set its count to 0. `count` stops at 65535.
+    it is, whatever it held; so to drop an old value ([0077], claim 14) set its count to 0. `count` stops at 255.
     """
     count = operands["count"].astype(np.int64)
     updates = np.minimum(count + 1, COUNT_MAX)
@@ -38,4 +41,5 @@ def blend_texels(state: np.ndarray, texel: np.ndarray, sample: np.ndarray, alpha
     result = blend(operands)
     before["irradiance"], before["count"] = result["irradiance"], result["count"]
     before["frame"] = frame % 65536
+    before["number"] = (before["number"] + 1) % NUMBERS
     state[texel] = before

@@ -102,14 +102,28 @@ GBUFFER = np.dtype(
 )
 
 # --- lightmap maintenance -----------------------------------------------------------------------------------------
-# The maintained texel, 16 bytes: irradiance RGB, the number of updates it has had (it stops at 65535) and the frame of
-# the last one, modulo 65536.
-TEXEL_STATE = np.dtype([("irradiance", F4, (3,)), ("count", U2), ("frame", U2)])
+# The maintained texel, 20 bytes in hardware: irradiance RGB; the frame of the last update, modulo 65536; `number`, the
+# updates it has had, modulo 4096: it selects the run of the sequences; `count`, the samples in the running average, which
+# stops at 255 and is 0 where nothing is known; `heavy`, how many updates still to come weigh more after a change;
+# `noticed`, the last sample departed from the average by more than is usual. In 1/256ths, stopping at 4095: `deviation`,
+# the running mean of |sample - average| over the average; `spread`, the standard error of the last sample over itself.
+TEXEL_STATE = np.dtype(
+    [
+        ("irradiance", F4, (3,)),
+        ("frame", U2),
+        ("number", bits(12)),
+        ("count", bits(8)),
+        ("heavy", bits(3)),
+        ("noticed", BOOL),
+        ("deviation", bits(12)),
+        ("spread", bits(12)),
+    ]
+)
 
 # The version that shaders read, 8 bytes: irradiance RGB and a weight, 1 where the texel itself has been sampled and 0
 # where its value comes from its surroundings.
 PUBLISHED_TEXEL = np.dtype([("rgba", F2, (4,))])
 
 # One blend: the texel before, the new sample of its irradiance, the smallest weight that a sample gets.
-BLEND = np.dtype([("irradiance", F4, (3,)), ("count", U2), ("sample", F4, (3,)), ("alpha_min", F4)])
-BLENDED = np.dtype([("irradiance", F4, (3,)), ("count", U2)])
+BLEND = np.dtype([("irradiance", F4, (3,)), ("count", bits(8)), ("sample", F4, (3,)), ("alpha_min", F4)])
+BLENDED = np.dtype([("irradiance", F4, (3,)), ("count", bits(8))])

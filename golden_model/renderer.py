@@ -149,6 +149,7 @@ class Renderer:
         rays = 0
         for _ in range(self.sampling.priming):
             self.state["count"] = 0
+            self.state["number"] = 0
             self.selection.next = 0
             done = self._maintain(readable(self.published), 0, _Stopwatch())
             self.published = publish(self.lightmaps, self.state)
@@ -189,7 +190,7 @@ class Renderer:
             update = Update(
                 texel=texel,
                 record=self.lightmaps.texels[texel],
-                number=self.state["count"][texel],
+                number=self.state["number"][texel],
                 seed=self.seed,
             )
         slot = np.arange(len(texel))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from golden_model import bitpack
 from golden_model.formats import PUBLISHED_TEXEL, TEXEL_STATE
 from golden_model.images import atlas, exposure_for, tonemap, write_exr, write_film, write_png
 from golden_model.lightmap import VALID, Lightmaps
@@ -124,7 +125,7 @@ def lightmap_figures(lightmaps: Lightmaps, state: np.ndarray) -> dict[str, Any]:
     """Counts of maps and texels, and how often the valid texels have been updated."""
     assert state.dtype == TEXEL_STATE
     states = np.bincount(lightmaps.texels["state"], minlength=3)
-    updates = state["count"][lightmaps.texels["state"] == VALID]
+    updates = state["number"][lightmaps.texels["state"] == VALID]  # modulo 4096
     return {
         "maps": len(lightmaps.width),
         "charts": int(lightmaps.chart.max()) + 1,
@@ -134,9 +135,9 @@ def lightmap_figures(lightmaps: Lightmaps, state: np.ndarray) -> dict[str, Any]:
         "buried": int(states[2]),
         "sampled": int((updates > 0).sum()),
         "updates": int(updates.sum(dtype=np.int64)),
-        "fewest_updates": int(updates.min(initial=0 if not len(updates) else 65535)),
+        "fewest_updates": int(updates.min(initial=0 if not len(updates) else 4095)),
         "most_updates": int(updates.max(initial=0)),
-        "bytes": len(lightmaps.texels) * (TEXEL_STATE.itemsize + PUBLISHED_TEXEL.itemsize),
+        "bytes": len(lightmaps.texels) * (bitpack.width(TEXEL_STATE) + bitpack.width(PUBLISHED_TEXEL)) // 8,
     }
 
 

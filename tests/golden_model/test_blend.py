@@ -29,12 +29,12 @@ def test_blend_rounds_each_operation_once() -> None:
     operands = np.zeros(1500, dtype=BLEND)
     operands["irradiance"] = rng.uniform(0, 50, (1500, 3))
     operands["sample"] = rng.uniform(0, 50, (1500, 3))
-    operands["count"] = rng.choice([0, 1, 2, 3, 5, 8, 9, 10, 11, 40, 65534, 65535], 1500)
+    operands["count"] = rng.choice([0, 1, 2, 3, 5, 8, 9, 10, 11, 40, 254, 255], 1500)
     operands["alpha_min"] = rng.choice(np.array([0.1, 0.01, 0.5, 1.0, 0.0], dtype=np.float32), 1500)
     result = blend(operands)
     for operand, out in zip(operands, result, strict=True):
         n = int(operand["count"])
-        assert out["count"] == min(n + 1, 65535)
+        assert out["count"] == min(n + 1, 255)
         alpha = max(rounded(Fraction(1, n + 1)), operand["alpha_min"])
         for old, sample, new in zip(operand["irradiance"], operand["sample"], out["irradiance"], strict=True):
             expected = sample

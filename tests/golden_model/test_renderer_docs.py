@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from golden_model import formats
+from golden_model import bitpack, formats
 
 PAGE = (Path(__file__).parents[2] / "docs" / "renderer.md").read_text(encoding="utf-8")
 
@@ -16,7 +16,9 @@ def described(dtype: np.dtype) -> list[tuple[str, str]]:
     out = []
     for name in dtype.names or ():
         base, shape = dtype[name].base, dtype[name].shape
-        kind = "bool" if base == np.bool_ else f"{base.kind}{base.itemsize}"
+        width = formats.field_width(base)
+        kind = f"{base.kind}{base.itemsize}" if width == 8 * base.itemsize else f"{width} bits"
+        kind = "bool" if base == np.bool_ else kind
         out.append((name, f"{shape[0]} {kind}" if shape else kind))
     return out
 
@@ -29,5 +31,5 @@ def test_format_tables(name: str) -> None:
 
 
 def test_sizes_that_the_page_states() -> None:
-    assert formats.TEXEL_STATE.itemsize == 16
-    assert formats.PUBLISHED_TEXEL.itemsize == 8
+    assert bitpack.width(formats.TEXEL_STATE) == 8 * 20
+    assert bitpack.width(formats.PUBLISHED_TEXEL) == 8 * 8
