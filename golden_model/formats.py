@@ -86,7 +86,8 @@ TEXEL = np.dtype(
 # What the rasterizer leaves at a pixel ([0056]). `primitive` and `object` are -1 where nothing is seen (then depth is
 # infinity and the rest zero). u and v are barycentric as in HIT, `depth` is the distance along the view axis, `normal`
 # the interpolated one (unit length), `lightmap` the coordinates in texels of the object's map, `lod` the base-2
-# logarithm of texels per pixel in 1/256ths.
+# logarithm of texels per pixel in 1/256ths. `texture` and `texture_lod` are the same for the texture (texels of its
+# finest level), zero in a scene without textures.
 GBUFFER = np.dtype(
     [
         ("primitive", I4),
@@ -98,6 +99,8 @@ GBUFFER = np.dtype(
         ("lightmap", F4, (2,)),
         ("lod", I2),
         ("front", BOOL),
+        ("texture", F4, (2,)),
+        ("texture_lod", I2),
     ]
 )
 
