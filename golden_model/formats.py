@@ -123,8 +123,9 @@ TEXEL_STATE = np.dtype(
     ]
 )
 
-# The version that shaders read, 8 bytes: irradiance RGB and a weight, 1 where the texel itself has been sampled and 0
-# where its value comes from its surroundings.
+# The version that shaders read, 8 bytes: irradiance RGB and a weight. In level 0 the weight is 1 where the texel itself
+# has been sampled and 0 where its value comes from its surroundings; in coarser levels it is the coverage, the part of
+# the texel that charts take.
 PUBLISHED_TEXEL = np.dtype([("rgba", F2, (4,))])
 
 # One blend: the texel before, the new sample of its irradiance, the smallest weight that a sample gets.
