@@ -36,8 +36,9 @@ class _Object:
 def unwrap(
     scene: Scene, texel_size: float | None = None, *, trace: Trace | None = None, cache: Path | None = None
 ) -> Lightmaps:
-    """The lightmaps of a scene, one map an object, with texels of about `texel_size` (default: the scene's own).
+    """The lightmaps of a scene at rest, one map an object, with texels of about `texel_size` (default: the scene's own).
 
+    Objects without a diffuse surface get a map of one EMPTY texel.
     `trace` traces rays through the scene's triangles; without it buried texels are not looked for. `cache` is a folder
     that keeps the charts of curved meshes (`mesh_charts.default_cache()`), None keeps nothing.
     Raises InputError where the texels are so small that there would be more than MOST_TEXELS.
@@ -93,6 +94,8 @@ def object_charts(corners: np.ndarray, texel_size: float, cache: Path | None = N
 
 def _unwrap_object(scene: Scene, number: int, texel_size: float, cache: Path | None) -> _Object:
     members = scene.object_id == number
+    if not scene.lightmapped[number]:
+        return _empty_map(int(members.sum()))
     corners = scene.corners[members]
     charts = object_charts(corners, texel_size, cache)
     # Where texels are tiny the margin is what keeps rays from starting in a wall that meets this one.
@@ -103,7 +106,15 @@ def _unwrap_object(scene: Scene, number: int, texel_size: float, cache: Path | N
     return _Object(charts, texels, chart)
 
 
+def _empty_map(faces: int) -> _Object:
+    """The map of an object that has no lightmap: one texel outside all charts, so that every object has a place."""
+    charts = ObjectCharts(1, 1, np.zeros((faces, 3, 2), dtype=np.float32), np.full(faces, -1, dtype=np.int32))
+    return _Object(charts, np.zeros(1, dtype=TEXEL), np.full(1, -1, dtype=np.int32))
+
+
 def _area(scene: Scene) -> float:
-    """Of all triangles together, for an estimate of the number of texels."""
-    vectors = area_vectors(scene.corners)
+    """Of all triangles with lightmaps together, for an estimate of the number of texels."""
+    vectors = area_vectors(scene.corners[scene.lightmapped[scene.object_id]])
+    if not len(vectors):
+        return 0.0
     return float(np.cumsum(np.sqrt(dot(vectors, vectors)) / 2)[-1])

@@ -25,7 +25,7 @@ LARGEST, SMALLEST = 2.0**40, 2.0**-40
 """Coordinates lie within +-LARGEST and the scene is larger than SMALLEST: squares of lengths stay normal float32."""
 
 DIFFUSE, MIRROR, GLASS = 0, 1, 2
-"""Kinds of surface: diffuse ones have lightmaps; mirrors reflect, glass reflects and refracts, both without any blur."""
+"""Kinds of surface: diffuse ones have lightmaps; mirrors reflect, glass reflects and refracts, both without blur."""
 
 DEFAULT_IOR = 1.5
 """Index of refraction of glass whose file names none."""
