@@ -4,12 +4,16 @@ A block that stands on a floor leaves the floor's texels under it in the dark. R
 block would mix that darkness in; so these texels are found, not sampled, and show the value of their nearest neighbour.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from golden_model import traversal
+from golden_model.bvh import build
 from golden_model.directions import cosine_table, to_world
-from golden_model.formats import RAY
+from golden_model.formats import RAY, TRIANGLE
 from golden_model.lightmap import BURIED, VALID, Lightmaps
 from golden_model.scene import Scene
 from golden_model.tracer import Trace
@@ -29,15 +33,33 @@ def find_buried(lightmaps: Lightmaps, scene: Scene, trace: Trace) -> Lightmaps:
 
     From inside a closed surface all rays meet its back; three quarters of them are asked for, so that the inside of an
     open pot, which can be seen, counts as valid, and a lamp close under a ceiling hides the texels behind it.
+
+    Where objects move, what hides a texel in one frame may not in another. So there only what never moves against the
+    texel can bury it: the still objects those of each other, a moving body its own (`Scene.bodies`, at rest).
     """
     texels = lightmaps.texels.copy()
-    for begin in range(0, len(texels), BATCH // RAYS):
-        chosen = begin + np.flatnonzero(texels["state"][begin : begin + BATCH // RAYS] == VALID)
-        rays = hemisphere_rays(texels[chosen], scene.offset, cosine_table()[:RAYS])
-        hits = trace(rays.reshape(-1)).reshape(len(chosen), RAYS)
-        backs = ((hits["primitive"] >= 0) & ~hits["front"]).sum(axis=1)
-        texels["state"][chosen[backs >= MOST]] = BURIED
+    for objects, tracer in _alone(scene, trace):
+        mine = np.flatnonzero((texels["state"] == VALID) & np.isin(texels["object"], objects))
+        for begin in range(0, len(mine), BATCH // RAYS):
+            chosen = mine[begin : begin + BATCH // RAYS]
+            rays = hemisphere_rays(texels[chosen], scene.offset, cosine_table()[:RAYS])
+            hits = tracer(rays.reshape(-1)).reshape(len(chosen), RAYS)
+            backs = ((hits["primitive"] >= 0) & ~hits["front"]).sum(axis=1)
+            texels["state"][chosen[backs >= MOST]] = BURIED
     return replace(lightmaps, texels=texels, fill=nearest_valid(lightmaps, texels["state"]))
+
+
+def _alone(scene: Scene, trace: Trace) -> Iterator[tuple[list[int], Trace]]:
+    """The bodies of a scene, each with a tracer that meets no other; `trace` serves where there is but one."""
+    if len(scene.bodies) == 1:
+        yield scene.bodies[0], trace
+        return
+    for objects in scene.bodies:
+        triangles = scene.triangles.copy()
+        other = ~np.isin(scene.object_id, objects)
+        for name in TRIANGLE.names or ():
+            triangles[name][other] = np.nan  # such a triangle is met by no ray
+        yield objects, partial(traversal.trace, build(triangles))
 
 
 def hemisphere_rays(texels: np.ndarray, offset: np.float32, local: np.ndarray) -> np.ndarray:

@@ -36,9 +36,10 @@ class _Object:
 def unwrap(
     scene: Scene, texel_size: float | None = None, *, trace: Trace | None = None, cache: Path | None = None
 ) -> Lightmaps:
-    """The lightmaps of a scene at rest, one map an object, with texels of about `texel_size` (default: the scene's own).
+    """The lightmaps of a scene at rest, one map an object, with texels of about `texel_size` (default: the scene's).
 
-    Objects without a diffuse surface get a map of one EMPTY texel.
+    An object without a diffuse surface gets a map of one EMPTY texel.
+
     `trace` traces rays through the scene's triangles; without it buried texels are not looked for. `cache` is a folder
     that keeps the charts of curved meshes (`mesh_charts.default_cache()`), None keeps nothing.
     Raises InputError where the texels are so small that there would be more than MOST_TEXELS.

@@ -50,7 +50,7 @@ class Figures:
 
 
 class _Body:
-    """Triangles that do not move against each other: one object, or all those that never move."""
+    """Objects that do not move against each other, or a single one."""
 
     def __init__(self, scene: Scene, objects: list[int]):
         self.objects = objects
@@ -75,15 +75,14 @@ class _Body:
 class Forest:
     """The trees of a scene's bodies, followed from frame to frame.
 
-    Without `demand` all objects that never move share one tree, which is better than one for each.
+    A tree is that of a body (`Scene.bodies`): so all objects that never move share one, which is better than one for
+    each. With `demand` it is that of an object.
     """
 
     def __init__(self, scene: Scene, options: ForestOptions):
         self.options = options
         self._rest = scene if scene.rest is None else scene.rest
-        still = [number for number, path in enumerate(scene.object_path) if path is None]
-        single = [[number] for number, path in enumerate(scene.object_path) if options.demand or path is not None]
-        groups = sorted(single if options.demand or not still else [still, *single])
+        groups = [[k] for k in range(len(scene.object_names))] if options.demand else scene.bodies
         bodies = [_Body(scene, objects) for objects in groups]
         self._bodies = [body for body in bodies if len(body.members)]
         self.update(scene)

@@ -6,6 +6,7 @@ the first and after the last keyframe the end's value holds, unless the path rep
 float32 under the numeric contract, and a function of path and frame alone: frames can be asked for in any order.
 """
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -41,6 +42,11 @@ class ObjectPath:
     """The point that rotations leave where it is, (3,) float32, in world coordinates at rest."""
     loop: int = 0
     """Frames after which the path begins again; 0: never."""
+
+    @functools.cached_property
+    def stays(self) -> bool:
+        """Whether the object is at its rest place in every frame: its emission alone may change."""
+        return all(key.present and not key.translate.any() and not key.rotate[1:].any() for key in self.keys)
 
 
 @dataclass(frozen=True, kw_only=True)

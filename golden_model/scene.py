@@ -153,6 +153,19 @@ class Scene:
         """Whether anything but the camera ever changes: an object's place, presence or emission, or a point light."""
         return any(path is not None for path in (*self.object_path, *self.light_path))
 
+    @functools.cached_property
+    def bodies(self) -> list[list[int]]:
+        """The objects (numbers) that never move against each other: those that stay first, if any, then by their path.
+
+        Objects have the same motion where their files give them one path, which is one `ObjectPath` here.
+        """
+        still = [k for k, path in enumerate(self.object_path) if path is None or path.stays]
+        moving: dict[int, list[int]] = {}
+        for k, path in enumerate(self.object_path):
+            if path is not None and not path.stays:
+                moving.setdefault(id(path), []).append(k)
+        return ([still] if still else []) + list(moving.values())
+
     @property
     def last_frame(self) -> int:
         """The frame after which nothing new happens: the last keyframe, or the end of the longest loop; 0 without."""
