@@ -1,81 +1,46 @@
 """The frame loop: each frame is rasterized and shaded from the lightmaps, and some of their texels are sampled anew.
 
-Shading and indirect rays of a frame read the version of the maps published before it; what the frame's rays find goes
-into the version after it ([0085]). So it does not matter which of the two is done first or how they overlap, and the
-hardware that does both at once has the same bits. docs/renderer.md describes every stage.
+A frame reads one version of the published maps and its rays' results go into a later one ([0085], a flip chain). So it
+does not matter in which order shading and maintenance are done or how they overlap, and the hardware that does both at
+once has the same bits. docs/renderer.md describes every stage.
 """
 
-import time
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 import numpy as np
 
-from golden_model.accumulation import accumulate, fraction_bits, irradiance
-from golden_model.blend import ALPHA_MIN, blend_texels
-from golden_model.bvh import build
-from golden_model.camera import look_at
+from golden_model.accumulation import fraction_bits
+from golden_model.camera import View, look_at
 from golden_model.charts import unwrap
-from golden_model.directions import COUNT
-from golden_model.errors import InputError
-from golden_model.formats import TEXEL_STATE
+from golden_model.flip_chain import FlipChain
+from golden_model.forest import ForestOptions
+from golden_model.gather import Sampling, World
 from golden_model.lightmap import Lightmaps
 from golden_model.lights import lights_of
-from golden_model.publish import publish
-from golden_model.rasterizer import rasterize
+from golden_model.maintenance import Maintainer, Maintenance
+from golden_model.motion import moved_records
+from golden_model.publish import Difference, Publisher
+from golden_model.rasterizer import Mesh, Rasterization, draw
 from golden_model.recorder import TestRecorder
-from golden_model.sampling import Update, indirect_rays, indirect_share, shadow_rays
 from golden_model.scene import Scene, require_light
-from golden_model.selection import RoundRobin, coarse_to_fine
-from golden_model.shading import readable, shade_hits, shade_pixels
-from golden_model.traversal import trace
+from golden_model.shading import readable, shade_pixels
+from golden_model.stopwatch import Stopwatch
+from golden_model.structure import Structure
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sampling:
-    """What one texel update is made of."""
+class Pipeline:
+    """How frames are made."""
 
-    directions: int = 16
-    """Rays for indirect light, a power of two up to 4096."""
-    light_samples: int = 4
-    """Shadow rays at most, at least 1."""
-    alpha_min: np.float32 = ALPHA_MIN
-    """Smallest weight of a new sample against the old value, 0 to 1."""
-    priming: int = 5
-    """Rounds before the first frame, each within one frame's budget; see `Renderer`."""
-
-    def __post_init__(self) -> None:
-        if self.directions & (self.directions - 1) or not 1 <= self.directions <= COUNT:
-            raise InputError(f"directions {self.directions}: must be a power of two, 1 to {COUNT}")
-        if self.light_samples < 1:
-            raise InputError(f"light samples {self.light_samples}: must be 1 or more")
-        if self.priming < 0:
-            raise InputError(f"priming {self.priming}: must be 0 or more")
-        if not 0 <= self.alpha_min <= 1:
-            raise InputError(f"alpha_min {self.alpha_min}: must be 0 to 1")
-
-    @property
-    def cost(self) -> int:
-        """Rays that the budget reserves for an update. Shadow rays that cannot carry light are not traced."""
-        return self.directions + self.light_samples
-
-    def require(self, budget: int) -> None:
-        """Raises InputError for a budget of rays a frame that does not pay for one update."""
-        if budget < self.cost:
-            raise InputError(f"--budget {budget}: one texel update takes {self.cost} rays; give at least as many")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Maintenance:
-    """What one frame did to the lightmaps."""
-
-    texels: np.ndarray
-    """Numbers of the texels updated, (M,) int64."""
-    rays: dict[str, int]
-    """Rays traced by kind: "indirect", "shadow"; together at most the budget."""
+    raster: Rasterization = field(default_factory=Rasterization)
+    """How visible surfaces are determined."""
+    structure: ForestOptions = field(default_factory=ForestOptions)
+    """How the acceleration structure follows what moves."""
+    versions: int = 2
+    """Length of the flip chain, 1 to 8. What frame k's rays find is shown in frame k + versions - 1: 1 samples before
+    the frame is shaded ([0085]), 2 beside it, and each further one leaves a frame more time for it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,12 +50,15 @@ class FrameResult:
     frame: int
     image: np.ndarray
     """Linear radiance, (H, W, 3) float32."""
+    scene: Scene
+    """The scene of this frame."""
+    view: View
     gbuffer: np.ndarray
     """GBUFFER (H, W)."""
     maintenance: Maintenance
-    """The update made beside this frame; the next frame shows it."""
+    """The updates made beside this frame; a later frame shows them."""
     lightmap: np.ndarray
-    """The version that this frame read: PUBLISHED_TEXEL (N,)."""
+    """The version that this frame read: PUBLISHED_TEXEL (texels of all levels,), read-only."""
     seconds: dict[str, float] = field(default_factory=dict)
     """Time taken by stage, in order."""
 
@@ -107,8 +75,10 @@ class Renderer:
         budget: int,
         seed: int = 0,
         sampling: Sampling | None = None,
+        pipeline: Pipeline | None = None,
         lightmaps: Lightmaps | None = None,
         backend: str = "auto",
+        threads: int = 1,
         recorder: TestRecorder | None = None,
     ):
         """`budget` is the number of rays a frame; `lightmaps` default to `unwrap(scene)`; backend as for `trace`.
@@ -120,102 +90,116 @@ class Renderer:
         the camera, the charts and the tracer refuse.
         """
         self.sampling = sampling or Sampling()
+        self.pipeline = pipeline or Pipeline()
         self.sampling.require(budget)
         require_light(scene)
         self.scene, self.width, self.height, self.budget, self.seed = scene, width, height, budget, seed
-        bvh = build(scene.triangles)
-        self.trace = partial(trace, bvh, backend=backend, recorder=recorder)
-        # Looking for buried texels is no part of the render: its rays are not recorded.
-        self.lightmaps = unwrap(scene, trace=partial(trace, bvh, backend=backend)) if lightmaps is None else lightmaps
-        self.lights = lights_of(scene)
+        first = scene.at(0)
+        self.structure = Structure(first, backend, recorder, threads, self.pipeline.structure)
+        if lightmaps is None:
+            # Looking for buried texels is no part of the render: its rays are not recorded.
+            lightmaps = unwrap(scene, trace=Structure(scene, backend).trace)
+        self.lightmaps = lightmaps
         self.fraction = fraction_bits(scene)
-        self.selection = RoundRobin(coarse_to_fine(self.lightmaps))
-        self.state = np.zeros(len(self.lightmaps.texels), dtype=TEXEL_STATE)
-        """The maintained texels, TEXEL_STATE (N,)."""
-        self.published = publish(self.lightmaps, self.state)
-        """The version that the next frame reads, PUBLISHED_TEXEL (N,)."""
+        self.maintainer = Maintainer(lightmaps, self.sampling, seed)
+        self.publisher = Publisher(lightmaps)
         self.next_frame = 0
         """Number of the frame that `frame` renders next."""
-        self.priming_rays = self._prime()
+        self.priming_rays = 0
         """Rays traced before the first frame."""
+        self.chain = self._prime(first)
 
-    def _prime(self) -> int:
-        """Makes the version that the first frame reads; returns the rays traced.
+    @property
+    def state(self) -> np.ndarray:
+        """The maintained texels, TEXEL_STATE (N,)."""
+        return self.maintainer.state
+
+    @property
+    def published(self) -> np.ndarray:
+        """The newest version of the maps, PUBLISHED_TEXEL (texels of all levels,)."""
+        return self.chain.read(self.chain.newest)
+
+    def _prime(self, scene: Scene) -> FlipChain:
+        """Makes the version that the first frames read.
 
         The texels that one frame's budget pays for, a coarse lattice over all maps, are sampled `priming` times over,
         each time anew from what the round before has published: one more bounce of light a round. Without this the
         texels of the first frames would hold less light than those sampled later, and the lattice would be seen.
         """
-        rays = 0
+        published = self.publisher.everything(self.state)
         for _ in range(self.sampling.priming):
-            self.state["count"] = 0
-            self.state["number"] = 0
-            self.selection.next = 0
-            done = self._maintain(readable(self.published), 0, _Stopwatch())
-            self.published = publish(self.lightmaps, self.state)
-            rays += sum(done.rays.values())
-        return rays
+            done = self.maintainer.prime(self._world(scene, readable(published)), self.budget)
+            published = self.publisher.everything(self.state)
+            self.priming_rays += sum(done.rays.values())
+        chain = FlipChain(published, self.pipeline.versions)
+        nothing = np.zeros(0, dtype=np.int64)
+        for version in range(1, self.pipeline.versions - 1):
+            chain.begin(version)
+            chain.write(version, self.publisher.difference(published, self.state, nothing))
+            chain.commit(version)
+        return chain
+
+    def _world(self, scene: Scene, values: np.ndarray) -> World:
+        return World(
+            scene=scene,
+            lightmaps=moved_records(self.lightmaps, scene),
+            values=values,
+            lights=lights_of(scene),
+            trace=self.structure.trace,
+            fraction=self.fraction,
+        )
 
     def frame(self) -> FrameResult:
         """Renders the next frame of the sequence."""
         number = self.next_frame
-        clock = _Stopwatch()
-        lightmap = self.published
+        clock = Stopwatch()
+        with clock("scene and structure"):
+            scene = self.scene.at(number)
+            self.structure.update(scene)
+            before = self.published
+            world = self._world(scene, readable(before))
         with clock("rasterize"):
-            camera = self.scene.camera_at(number)
+            camera = scene.camera
             view = look_at(camera.position, camera.target, camera.up, camera.fov_y_tan, self.width, self.height)
-            scene, maps = self.scene, self.lightmaps
-            gbuffer = rasterize(view, scene.triangles, scene.normals, scene.object_id, maps.uv)
-        with clock("shade pixels"):
-            values = readable(lightmap)
-            image = shade_pixels(scene, maps, values, gbuffer)
-        maintenance = self._maintain(values, number, clock)
+            gbuffer = draw(view, self._mesh(scene), self.pipeline.raster).gbuffer
+        maintenance = self.maintainer.run(world, number, self.budget, clock)
         with clock("publish"):
-            self.published = publish(maps, self.state)
+            self._commit(number, self.publisher.difference(before, self.state, maintenance.texels))
+        with clock("shade pixels"):
+            lightmap = self.chain.read(self._shown(number))
+            image = shade_pixels(scene, self.lightmaps, readable(lightmap), gbuffer)
         self.next_frame += 1
         return FrameResult(
             frame=number,
             image=image,
+            scene=scene,
+            view=view,
             gbuffer=gbuffer,
             maintenance=maintenance,
             lightmap=lightmap,
             seconds=clock.seconds,
         )
 
-    def _maintain(self, values: np.ndarray, frame: int, clock: "_Stopwatch") -> Maintenance:
-        """Updates texels within the budget; indirect rays read the maps `values` (N, 3) float32."""
-        scene, sampling = self.scene, self.sampling
-        with clock("select"):
-            texel = self.selection.select(self.budget, sampling.cost)
-            update = Update(
-                texel=texel,
-                record=self.lightmaps.texels[texel],
-                number=self.state["number"][texel],
-                seed=self.seed,
-            )
-        slot = np.arange(len(texel))
-        with clock("generate rays"):
-            rays = indirect_rays(update, sampling.directions, self.lights.offset)
-            shadow, light = shadow_rays(update, self.lights, sampling.light_samples)
-            carrying = np.flatnonzero(light.any(axis=1))
-        with clock("trace indirect"):
-            hits = self.trace(rays)
-        with clock("trace shadow"):
-            blocked = self.trace(shadow[carrying], any_hit=True)["primitive"] >= 0
-        with clock("shade rays"):
-            indirect = indirect_share(shade_hits(scene, self.lightmaps, values, hits), sampling.directions)
-        with clock("accumulate"):
-            arrived = carrying[~blocked]
-            total = accumulate(
-                np.concatenate([np.repeat(slot, sampling.directions), arrived // sampling.light_samples]),
-                np.concatenate([indirect, light[arrived]]),
-                len(texel),
-                self.fraction,
-            )
-        with clock("blend"):
-            sample = irradiance(total, self.fraction)
-            blend_texels(self.state, texel, sample, sampling.alpha_min, frame)
-        return Maintenance(texels=texel, rays={"indirect": len(rays), "shadow": len(carrying)})
+    def _mesh(self, scene: Scene) -> Mesh:
+        return Mesh(
+            triangles=scene.triangles,
+            normals=scene.normals,
+            object_id=scene.object_id,
+            lightmap_uv=self.lightmaps.uv,
+        )
+
+    def _shown(self, frame: int) -> int:
+        """The version that a frame's shading reads: its own number, or with a chain of one what its own rays found."""
+        return frame + (self.pipeline.versions == 1)
+
+    def _commit(self, frame: int, difference: Difference) -> None:
+        """Puts what frame `frame` has changed into the version after the newest; the frame before is done."""
+        if self._shown(frame):
+            self.chain.release(self._shown(frame) - 1)
+        version = self.chain.newest + 1
+        self.chain.begin(version)
+        self.chain.write(version, difference)
+        self.chain.commit(version)
 
 
 def render(scene: Scene, frames: int, **options: Any) -> Iterator[FrameResult]:
@@ -223,16 +207,3 @@ def render(scene: Scene, frames: int, **options: Any) -> Iterator[FrameResult]:
     renderer = Renderer(scene, **options)
     for _ in range(frames):
         yield renderer.frame()
-
-
-class _Stopwatch:
-    """Adds up the time of each stage."""
-
-    def __init__(self) -> None:
-        self.seconds: dict[str, float] = {}
-
-    @contextmanager
-    def __call__(self, stage: str) -> Iterator[None]:
-        start = time.perf_counter()
-        yield
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - start

@@ -68,9 +68,10 @@ def render(
 
     from golden_model.bvh import build
     from golden_model.charts import unwrap
+    from golden_model.gather import Sampling
     from golden_model.mesh_charts import default_cache
     from golden_model.outputs import whole_folder
-    from golden_model.renderer import Renderer, Sampling
+    from golden_model.renderer import Renderer
     from golden_model.scene import load_scene, require_light
     from lightloom.console import Progress, json_text, print_json, print_table
     from lightloom.machine import machine, versions

@@ -13,10 +13,11 @@ from golden_model.bvh import build
 from golden_model.cornell_box import cornell_box
 from golden_model.errors import InputError
 from golden_model.floats import half_to_float
+from golden_model.gather import Sampling
 from golden_model.irradiance import irradiance
 from golden_model.lightmap import VALID, bilinear, lightmap_coordinates
 from golden_model.recorder import TestRecorder
-from golden_model.renderer import Renderer, Sampling, render
+from golden_model.renderer import Renderer, render
 from golden_model.scene import Part, Scene, assemble, vector
 from golden_model.shading import readable, shade_pixels
 from golden_model.traversal import backend_of, trace
@@ -177,7 +178,6 @@ def test_what_cannot_be_rendered_is_refused() -> None:
         {"directions": 3},
         {"directions": 0},
         {"light_samples": 0},
-        {"alpha_min": 2},
         {"priming": -1},
     ]
     for wrong in wrongs:
