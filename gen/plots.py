@@ -1,10 +1,15 @@
 """Small charts as inline SVG. Colours come from the page's style sheet, by class; every mark has a title to hover."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 
 WIDTH, HEIGHT = 720, 220
 LEFT, RIGHT, TOP, BOTTOM = 64, 8, 14, 26
+NAMES = 92
+"""Room for the names at the ends of lines."""
+LETTER = 13
+"""Names are so far apart at least."""
 
 
 def stacked_bars(
@@ -44,11 +49,62 @@ def stacked_bars(
     return _svg(parts)
 
 
+def line_chart(
+    labels: Sequence[float],
+    series: Mapping[str, Sequence[float | None]],
+    *,
+    number: Callable[[float], str] | None = None,
+    marks: Sequence[float] = (),
+    width: int = WIDTH,
+) -> str:
+    """One line a series over rising `labels` (frames), its name at its end; None is a gap.
+
+    Class `l0`, `l1`, ... for each series. `number` writes values, `marks` are labels that get a vertical line, `width`
+    is that of the drawing, whose letters have the same size at any.
+    """
+    number = number or short
+    values = [value for line in series.values() for value in line if value is not None]
+    ticks = nice_ticks(max(values, default=0))
+    right = width - NAMES
+    first, last = labels[0], labels[-1]
+
+    def x(label: float) -> float:
+        return LEFT + (right - LEFT) * ((label - first) / (last - first) if last > first else 0.5)
+
+    def y(value: float) -> float:
+        return TOP + (HEIGHT - TOP - BOTTOM) * (1 - value / ticks[-1])
+
+    parts = [_axis(ticks, y, right, number)]
+    parts += [
+        f'<line class="mark" x1="{x(mark):.1f}" x2="{x(mark):.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"/>'
+        for mark in marks
+    ]
+    for label in _frame_ticks(first, last):
+        parts.append(f'<text x="{x(label):.1f}" y="{HEIGHT - 8}" text-anchor="middle">{label:g}</text>')
+    ends: dict[int, float] = {}
+    for index, (name, line) in enumerate(series.items()):
+        points = [(label, value) for label, value in zip(labels, line, strict=True) if value is not None]
+        for run in _runs(labels, line):
+            path = " ".join(f"{x(label):.1f},{y(value):.1f}" for label, value in run)
+            parts.append(f'<polyline class="l{index}" points="{path}"/>')
+        for label, value in points:
+            title = escape(f"{name}, frame {label:g}: {number(value)}")
+            parts.append(
+                f'<circle class="d{index}" cx="{x(label):.1f}" cy="{y(value):.1f}" r="5"><title>{title}</title></circle>'
+            )
+        if points:
+            ends[index] = y(points[-1][1])
+    for index, height in _apart(ends).items():
+        name = escape(list(series)[index])
+        parts.append(f'<text class="t{index}" x="{right + 8}" y="{height + 4:.1f}">{name}</text>')
+    return _svg(parts, width)
+
+
 def nice_ticks(largest: float, count: int = 4) -> list[float]:
     """Round values from 0 to at least `largest`, about `count` steps: 1, 2, 2.5 or 5 times a power of ten apart."""
     if largest <= 0:
         return [0.0, 1.0]
-    power = 10.0 ** len(str(int(largest / count))) / 10
+    power = 10.0 ** math.floor(math.log10(largest / count))
     step = next(power * factor for factor in (1, 2, 2.5, 5, 10, 20) if power * factor * count >= largest)
     return [step * k for k in range(int(-(-largest // step)) + 1)]
 
@@ -61,13 +117,51 @@ def short(value: float) -> str:
     return f"{value:.3g}"
 
 
-def _axis(ticks: Sequence[float], y: Callable[[float], float]) -> str:
+def _runs(labels: Sequence[float], line: Sequence[float | None]) -> list[list[tuple[float, float]]]:
+    """The stretches of a line between its gaps."""
+    runs: list[list[tuple[float, float]]] = [[]]
+    for label, value in zip(labels, line, strict=True):
+        if value is not None:
+            runs[-1].append((label, value))
+        elif runs[-1]:
+            runs.append([])
+    return [run for run in runs if run]
+
+
+def _frame_ticks(first: float, last: float, most: int = 9) -> list[float]:
+    """Round whole numbers from `first` to `last`, at most about `most`."""
+    step = max(1.0, nice_ticks(last - first, most)[1])
+    start = math.ceil(first / step)
+    return [step * k for k in range(start, math.floor(last / step) + 1)]
+
+
+def _apart(places: Mapping[int, float]) -> dict[int, float]:
+    """The places of names (from the top) moved apart as little as a pass down and one up need, inside the drawing."""
+    order = sorted(places, key=lambda index: (places[index], index))
+    moved: dict[int, float] = {}
+    floor = float(TOP)
+    for index in order:
+        moved[index] = max(places[index], floor)
+        floor = moved[index] + LETTER
+    ceiling = float(HEIGHT - BOTTOM)
+    for index in reversed(order):
+        moved[index] = min(moved[index], ceiling)
+        ceiling = moved[index] - LETTER
+    return moved
+
+
+def _axis(
+    ticks: Sequence[float],
+    y: Callable[[float], float],
+    right: float = WIDTH - RIGHT,
+    number: Callable[[float], str] = short,
+) -> str:
     lines = []
     for tick in ticks:
-        lines.append(f'<line class="grid" x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y(tick):.1f}" y2="{y(tick):.1f}"/>')
-        lines.append(f'<text x="{LEFT - 8}" y="{y(tick) + 4:.1f}" text-anchor="end">{short(tick)}</text>')
+        lines.append(f'<line class="grid" x1="{LEFT}" x2="{right}" y1="{y(tick):.1f}" y2="{y(tick):.1f}"/>')
+        lines.append(f'<text x="{LEFT - 8}" y="{y(tick) + 4:.1f}" text-anchor="end">{number(tick)}</text>')
     return "".join(lines)
 
 
-def _svg(parts: Sequence[str]) -> str:
-    return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img">{"".join(parts)}</svg>'
+def _svg(parts: Sequence[str], width: int = WIDTH) -> str:
+    return f'<svg viewBox="0 0 {width} {HEIGHT}" role="img">{"".join(parts)}</svg>'
