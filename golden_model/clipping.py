@@ -12,6 +12,7 @@ from golden_model.floats import flush, quiet
 # The guard band reaches this many pixels from the middle of the picture. With at most 8192 pixels from the middle to
 # the border, a coordinate stays below 2**15 pixels, which with 8 fraction bits is 24 bits with the sign.
 GUARD_PIXELS = np.float32(16384)
+PLANES = 5  # the near plane and the four of the guard band
 
 
 @quiet
@@ -59,10 +60,12 @@ def clip_triangles(corners: np.ndarray, view: View) -> tuple[np.ndarray, np.ndar
     primitive (S,) = index of the whole triangle, not falling). A triangle that no plane cuts is returned as it is;
     one that is not finite, or that lies outside one plane, not at all.
     """
-    distance = _distances(corners, view)
-    outside = distance < 0
-    usable = np.isfinite(distance).all(axis=(1, 2)) & ~outside.all(axis=1).any(axis=1)
-    cut = usable & outside.any(axis=(1, 2))
+    usable, cut = np.ones(len(corners), dtype=bool), np.zeros(len(corners), dtype=bool)
+    for distance in np.moveaxis(_distances(corners, view), -1, 0):  # one plane after the other
+        outside, finite = (distance < 0).T, np.isfinite(distance).T
+        usable &= finite[0] & finite[1] & finite[2] & ~(outside[0] & outside[1] & outside[2])
+        cut |= outside[0] | outside[1] | outside[2]
+    cut &= usable
     whole = np.flatnonzero(usable & ~cut)
     own = np.broadcast_to(np.array([[0, 0], [1, 0], [0, 1]], dtype=np.float32), (len(corners), 3, 2))
     parts = [(corners[whole], own[whole], whole)]
@@ -71,13 +74,15 @@ def clip_triangles(corners: np.ndarray, view: View) -> tuple[np.ndarray, np.ndar
     if len(primitive):
         polygons = np.concatenate([corners[primitive], own[primitive]], axis=2)
         count = np.full(len(primitive), 3)
-        for plane in range(distance.shape[-1]):
+        for plane in range(PLANES):
             polygons, count = _clip(polygons, count, _distances(polygons, view)[..., plane])
         for last in range(2, polygons.shape[1]):  # a fan around the first vertex
             some = count > last
             fan = polygons[some][:, [0, last - 1, last]]
             parts.append((fan[..., :3], fan[..., 3:], primitive[some]))
 
+    if len(parts) == 1:
+        return parts[0]
     points, barycentric, index = (np.concatenate(column) for column in zip(*parts, strict=True))
     order = np.argsort(index, kind="stable")
     return points[order], barycentric[order], index[order]
