@@ -4,26 +4,35 @@ import numpy as np
 
 from golden_model.floats import float_to_fixed
 from golden_model.scene import Scene
+from golden_model.statistics import LUMINANCE_BITS
 
 HEADROOM_BITS = 10
+"""Of contributions that have no bound: what point lights bring, and area lights that shadow rays alone find."""
+BALANCED_HEADROOM_BITS = 6
+"""Of contributions of area lights where both ways to find them are balanced: at most pi times the emission …
+
+… over the number of rays, and as much again for each bounce, so that nothing saturates unless light adds up to more
+than twenty times what the brightest light emits, in one ray."""
+_LUMINANCE_SHIFT = 4
+"""A contribution's luminance is added up in units of 4 of the accumulators' (and is the mean of four parts)."""
 
 
-def fraction_bits(scene: Scene) -> int:
+def fraction_bits(scene: Scene, balanced: bool) -> int:
     """Bits after the binary point for the accumulators of a scene: 0 to 31.
 
-    A contribution saturates at 2**31 / 2**fraction, at least 2**10 times the brightest emission of the scene (of point
-    lights: the irradiance of all of them from half the scene's longest side away), and is resolved to 2**-20 of it. So
-    what saturates is the rare glare of a light sample right beside the texel. Where a wall shines all the way into its
-    corners such samples carry a per cent of the light (with 6 bits of headroom it were eight).
+    A contribution saturates at 2**31 / 2**fraction: 2**6 times the brightest emission of an area light, or more, where
+    they are `balanced`, otherwise 2**10 times; and 2**10 times the irradiance of all point lights from half the scene's
+    longest side away. It is resolved to 2**-25, 2**-21 and 2**-21 of these or finer.
     """
-    brightest = float(scene.emission[np.unique(scene.material)].max(initial=0.0))
+    exponents = []
+    if (brightest := float(scene.emission[np.unique(scene.material)].max(initial=0.0))) > 0:
+        exponents.append(int(np.frexp(brightest)[1]) + (BALANCED_HEADROOM_BITS if balanced else HEADROOM_BITS))
     if len(scene.point_lights):
         corners = scene.corners.reshape(-1, 3)
         distance = float((corners.max(axis=0) - corners.min(axis=0)).max()) / 2
         intensity = float(scene.point_lights["intensity"].astype(np.float64).sum(axis=0).max())
-        brightest = max(brightest, intensity / (distance * distance))
-    exponent = int(np.frexp(brightest)[1])  # brightest < 2**exponent
-    return int(np.clip(31 - HEADROOM_BITS - exponent, 0, 31))
+        exponents.append(int(np.frexp(intensity / (distance * distance))[1]) + HEADROOM_BITS)
+    return int(np.clip(31 - max(exponents, default=0), 0, 31))
 
 
 def accumulate(slot: np.ndarray, contribution: np.ndarray, slots: int, fraction: int) -> np.ndarray:
@@ -35,6 +44,23 @@ def accumulate(slot: np.ndarray, contribution: np.ndarray, slots: int, fraction:
     total = np.zeros((slots, 3), dtype=np.int64)
     np.add.at(total, slot, float_to_fixed(contribution, fraction).astype(np.int64))
     return total
+
+
+def luminance_sums(
+    slot: np.ndarray, contribution: np.ndarray, slots: int, fraction: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sums of the luminance of contributions and of its square, (slots,) int64 each; arguments as for `accumulate`.
+
+    Of the rounded contributions: (r + 2 g + b) / 16, rounded down, saturating at 24 bits. The sums are exact; hardware
+    needs 24 + log2(rays a texel) and 48 + log2(rays a texel) bits, 37 and 61 for 8192 rays.
+    """
+    fixed = float_to_fixed(contribution, fraction).astype(np.int64)
+    value = (fixed[:, 0] + 2 * fixed[:, 1] + fixed[:, 2]) >> _LUMINANCE_SHIFT
+    value = np.clip(value, 0, (1 << LUMINANCE_BITS) - 1)
+    sums, squares = np.zeros(slots, dtype=np.int64), np.zeros(slots, dtype=np.int64)
+    np.add.at(sums, slot, value)
+    np.add.at(squares, slot, value * value)
+    return sums, squares
 
 
 def irradiance(total: np.ndarray, fraction: int) -> np.ndarray:

@@ -106,9 +106,9 @@ GBUFFER = np.dtype(
 
 # --- lightmap maintenance -----------------------------------------------------------------------------------------
 # The maintained texel, 20 bytes in hardware: irradiance RGB; the frame of the last update, modulo 65536; `number`, the
-# updates it has had, modulo 4096: it selects the run of the sequences; `count`, the samples in the running average, which
+# updates it has had, modulo 4096: it selects the run of the sequences; `count`, the samples in the running average: it
 # stops at 255 and is 0 where nothing is known; `heavy`, how many updates still to come weigh more after a change;
-# `noticed`, the last sample departed from the average by more than is usual. In 1/256ths, stopping at 4095: `deviation`,
+# `noticed`, the last sample departed from the average by more than is usual. In 1/256ths and up to 4095: `deviation`,
 # the running mean of |sample - average| over the average; `spread`, the standard error of the last sample over itself.
 TEXEL_STATE = np.dtype(
     [
@@ -128,6 +128,21 @@ TEXEL_STATE = np.dtype(
 # the texel that charts take.
 PUBLISHED_TEXEL = np.dtype([("rgba", F2, (4,))])
 
-# One blend: the texel before, the new sample of its irradiance, the smallest weight that a sample gets.
-BLEND = np.dtype([("irradiance", F4, (3,)), ("count", bits(8)), ("sample", F4, (3,)), ("alpha_min", F4)])
-BLENDED = np.dtype([("irradiance", F4, (3,)), ("count", bits(8))])
+# One blend: of the texel before what bears on it, the new sample of its irradiance, the settings (`blend.Blending`).
+BLEND = np.dtype(
+    [
+        ("irradiance", F4, (3,)),
+        ("count", bits(8)),
+        ("heavy", bits(3)),
+        ("deviation", bits(12)),
+        ("sample", F4, (3,)),
+        ("alpha_min", F4),
+        ("alpha_heavy", F4),
+        ("notice_factor", bits(8)),
+        ("notice_floor", bits(12)),
+        ("notice_count", bits(8)),
+    ]
+)
+BLENDED = np.dtype(
+    [("irradiance", F4, (3,)), ("count", bits(8)), ("heavy", bits(3)), ("noticed", BOOL), ("deviation", bits(12))]
+)

@@ -6,20 +6,23 @@ are kept alive frame by frame (`golden_model.maintenance`) and for those that ar
 """
 
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
-from golden_model.accumulation import accumulate, irradiance
+from golden_model.accumulation import accumulate, irradiance, luminance_sums
 from golden_model.blend import Blending
 from golden_model.directions import COUNT
 from golden_model.errors import InputError
 from golden_model.lightmap import Lightmaps
 from golden_model.lights import Lights
-from golden_model.sampling import Update, indirect_rays, indirect_share, shadow_rays
+from golden_model.sampling import TexelRays, Update, indirect_share, light_met, texel_rays
 from golden_model.scene import Scene
 from golden_model.shading import shade_hits
+from golden_model.statistics import relative_spread
 from golden_model.stopwatch import Stopwatch
 from golden_model.tracer import Trace
+from golden_model.vectors import add
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,6 +33,12 @@ class Sampling:
     """Rays for indirect light, a power of two up to 4096."""
     light_samples: int = 4
     """Shadow rays at most, at least 1."""
+    balanced: bool = True
+    """Rays for indirect light count the area lights that they meet, shadow rays leave them their share (see
+    `golden_model.sampling`): right beside a light too, for a division more a ray that meets one."""
+    direct: Literal["maps", "rays"] = "maps"
+    """Whether the maps hold direct and indirect light, or indirect light alone: then texels need no shadow rays, but
+    the hits of their rays do."""
     blending: Blending = field(default_factory=Blending)
     """How it weighs against the old value."""
     priming: int = 5
@@ -40,6 +49,8 @@ class Sampling:
             raise InputError(f"directions {self.directions}: must be a power of two, 1 to {COUNT}")
         if self.light_samples < 1:
             raise InputError(f"light samples {self.light_samples}: must be 1 or more")
+        if self.direct not in ("maps", "rays"):
+            raise InputError(f'direct "{self.direct}": must be "maps" or "rays"')
         if self.priming < 0:
             raise InputError(f"priming {self.priming}: must be 0 or more")
 
@@ -70,27 +81,45 @@ class World:
     """Bits after the point of the accumulators."""
 
 
-def gather(world: World, update: Update, sampling: Sampling, clock: Stopwatch) -> tuple[np.ndarray, dict[str, int]]:
-    """One sample of the irradiance of each of M texels, (M, 3) float32, and the rays traced for it by kind."""
-    slot = np.arange(len(update.texel))
+@dataclass(frozen=True, kw_only=True)
+class Gathered:
+    """What rays brought to M texels."""
+
+    irradiance: np.ndarray
+    """One sample of each texel's irradiance, (M, 3) float32."""
+    spread: np.ndarray
+    """Its relative standard error as its rays tell, (M,) int64, 0 to 4095 in 1/256ths."""
+    rays: dict[str, int]
+    """Rays traced by kind: "indirect", "shadow"."""
+
+
+def gather(world: World, update: Update, sampling: Sampling, clock: Stopwatch) -> Gathered:
+    """One sample of the irradiance of each of an update's M texels."""
     with clock("generate rays"):
-        rays = indirect_rays(update, sampling.directions, world.lights.offset)
-        shadow, light = shadow_rays(update, world.lights, sampling.light_samples)
-        carrying = np.flatnonzero(light.any(axis=1))
+        rays = texel_rays(update, world.lights, sampling.directions, sampling.light_samples, sampling.balanced)
     with clock("trace indirect"):
-        hits = world.trace(rays)
+        hits = world.trace(rays.indirect)
     with clock("trace shadow"):
-        blocked = world.trace(shadow[carrying], any_hit=True)["primitive"] >= 0
+        arrived = world.trace(rays.shadow, any_hit=True)["primitive"] < 0
     with clock("shade rays"):
         radiance = shade_hits(world.scene, world.lightmaps, world.values, hits)
+        if sampling.balanced:
+            radiance = add(radiance, light_met(update, world.lights, rays, hits))
         indirect = indirect_share(radiance, sampling.directions)
     with clock("accumulate"):
-        arrived = carrying[~blocked]
-        total = accumulate(
-            np.concatenate([np.repeat(slot, sampling.directions), arrived // sampling.light_samples]),
-            np.concatenate([indirect, light[arrived]]),
-            len(slot),
-            world.fraction,
-        )
-        sample = irradiance(total, world.fraction)
-    return sample, {"indirect": len(rays), "shadow": len(carrying)}
+        return _added_up(rays, indirect, arrived, world.fraction)
+
+
+def _added_up(rays: TexelRays, indirect: np.ndarray, arrived: np.ndarray, fraction: int) -> Gathered:
+    """Contributions (R, 3) of the rays over the hemisphere, and of the shadow rays that `arrived` (S,), by texel."""
+    texels = len(rays.directions)
+    slot, light = rays.shadow_slot[arrived], rays.light[arrived]
+    total = accumulate(np.concatenate([rays.indirect_slot, slot]), np.concatenate([indirect, light]), texels, fraction)
+    groups = [(*luminance_sums(rays.indirect_slot, indirect, texels, fraction), rays.directions)]
+    if rays.light_samples:
+        groups.append((*luminance_sums(slot, light, texels, fraction), rays.light_samples))
+    return Gathered(
+        irradiance=irradiance(total, fraction),
+        spread=relative_spread(groups),
+        rays={"indirect": len(rays.indirect), "shadow": len(rays.shadow)},
+    )

@@ -22,6 +22,7 @@ from golden_model.tracer import Trace
 from golden_model.vectors import add, interpolate, normalize, scale, subtract
 
 _PI = np.float32(3.1415927)
+_RIVALS = np.float32(1)  # a ray goes on from a vertex for each light sample there
 BATCH = 1 << 17  # paths traced at a time: bounds the memory
 MOST_VERTICES = 512  # of a path, where an albedo is 1
 _DIRECT, _TURN, _ROULETTE, _DIRECTION, _LIGHT = range(5)  # what a hash is for
@@ -71,7 +72,7 @@ def _direct(
 ) -> np.ndarray:
     """Sum of `samples` estimates of the direct irradiance, (N, 3) float64."""
     rays, weight = direct_candidates(
-        lights, position, normal, hash_u32(key, _DIRECT), first=first, samples=samples, balanced=True
+        lights, position, normal, hash_u32(key, _DIRECT), first=first, samples=samples, rivals=_RIVALS
     )
     return _in_order(weight * _open(trace, rays.reshape(-1)).reshape(rays.shape)[..., None]) * samples
 
@@ -118,10 +119,10 @@ def _indirect(
             break
         before, normal_before = place[met], facing[met]
         place, facing, albedo = _surface(scene, hits)
-        glow = met_emission(lights, hits["primitive"], hits["front"], subtract(place, before), normal_before)
+        glow = met_emission(lights, hits["primitive"], hits["front"], subtract(place, before), normal_before, _RIVALS)
         gathered[path] += flush(throughput * flush(glow * _PI))
         throughput = flush(throughput * albedo)
-        shadow, weight = direct_candidates(lights, place, facing, hash_u32(own, _LIGHT, vertex), balanced=True)
+        shadow, weight = direct_candidates(lights, place, facing, hash_u32(own, _LIGHT, vertex), rivals=_RIVALS)
         gathered[path] += flush(throughput * flush(weight[:, 0] * _open(trace, shadow[:, 0])[:, None]))
 
         chance = albedo.max(axis=1)

@@ -22,6 +22,8 @@ from golden_model.vectors import dot as dot4
 
 _INVERSE_PI = np.float32(0.31830987)
 
+NO_RIVALS = np.float32(0)
+"""Light samples alone find the lights."""
 WEIGHT_BITS = 31
 """The whole-number weights by which lights are chosen add up to less than 2**WEIGHT_BITS."""
 
@@ -108,7 +110,7 @@ def direct_candidates(
     *,
     first: np.ndarray | int = 0,
     samples: int = 1,
-    balanced: bool = False,
+    rivals: np.ndarray | np.float32 = NO_RIVALS,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Shadow rays and weights for points (N, 3) with unit normals (N, 3): RAY (N, S), float32 (N, S, 3).
 
@@ -120,9 +122,10 @@ def direct_candidates(
     nothing and need not be traced. Without lights all are so. The sum over S of the weights that are not blocked is
     the irradiance: 1/S is in the weights.
 
-    `balanced` is for callers who trace as many cosine-distributed rays from the point and add `met_emission` of what
-    they hit: each of the two ways to find a light then counts by how likely it is (the balance heuristic of Veach
-    1997), so that a light close by cannot bring a few enormous samples.
+    `rivals` (a number or (N,) float32) is for callers who also trace cosine-distributed rays from the point, `rivals`
+    of them for each light sample, and add `met_emission` of what they hit: each of the two ways to find a light then
+    counts by how likely it is to (the balance heuristic of Veach 1997). So a light close by cannot bring a few
+    enormous samples: the weights of a point stay below pi / rivals / S times the emission.
     """
     count = len(position)
     rays = np.zeros((count, samples), dtype=RAY)
@@ -135,8 +138,8 @@ def direct_candidates(
     toward = subtract(target, position[:, None, :])
     factor = _transfer(lights, light, toward, np.broadcast_to(normal[:, None, :], toward.shape))
     lit = factor > 0
-    if balanced:
-        factor = np.where(lights.point[light], factor, flush(factor / _one_plus(factor)))
+    odds = _odds(factor, np.asarray(rivals, dtype=np.float32)[..., None])
+    factor = np.where(lights.point[light], factor, flush(factor / flush(np.float32(1) + odds)))
     weight[...] = scale(lights.emitted[light], flush(factor / np.float32(samples)))
 
     start = add(position, scale(normal, lights.offset))
@@ -162,26 +165,34 @@ def _transfer(lights: Lights, light: np.ndarray, toward: np.ndarray, normal: np.
     return np.where((incoming > 0) & (outgoing > 0) & np.isfinite(factor), factor, np.float32(0))
 
 
-def _one_plus(factor: np.ndarray) -> np.ndarray:
-    """1 + the density of cosine-distributed rays over that of light samples, which is the transfer over pi."""
-    return flush(np.float32(1) + flush(factor * _INVERSE_PI))
+def _odds(factor: np.ndarray, rivals: np.ndarray) -> np.ndarray:
+    """How many cosine-distributed rays go to a place for one light sample: `rivals` times the ratio of the densities.
+
+    The density of cosine-distributed rays over that of light samples is the transfer over pi.
+    """
+    return flush(flush(factor * _INVERSE_PI) * rivals)
 
 
 @quiet
 def met_emission(
-    lights: Lights, primitive: np.ndarray, front: np.ndarray, toward: np.ndarray, normal: np.ndarray
+    lights: Lights,
+    primitive: np.ndarray,
+    front: np.ndarray,
+    toward: np.ndarray,
+    normal: np.ndarray,
+    rivals: np.ndarray | np.float32,
 ) -> np.ndarray:
-    """Radiance (N, 3) that cosine-distributed rays count for what they hit, where light samples are `balanced`.
+    """Radiance (N, 3) that cosine-distributed rays count for the light that they hit, (N, 3) float32.
 
     Rays from points with unit `normal` (N, 3) hit triangles `primitive` (N,), on their front or not (N,), at `toward`
-    (N, 3) from the points.
+    (N, 3) from the points. `rivals`, a number or (N,), is the one that the points' light samples were made with.
     """
     radiance = np.zeros((len(primitive), 3), dtype=np.float32)
     shines = np.flatnonzero((lights.of_triangle[primitive] >= 0) & front)
     light = lights.of_triangle[primitive[shines]]
     factor = _transfer(lights, light, toward[shines], normal[shines])
-    # The share of the rays: the transfer over pi, over one plus that.
-    share = flush(flush(factor * _INVERSE_PI) / _one_plus(factor))
+    odds = _odds(factor, np.broadcast_to(np.asarray(rivals, dtype=np.float32), len(primitive))[shines])
+    share = flush(odds / flush(np.float32(1) + odds))  # of the rays
     radiance[shines] = scale(lights.emitted[light], share)
     return radiance
 

@@ -52,7 +52,7 @@ class Maintainer:
             number=self.state["number"][texel],
             seed=self.seed,
         )
-        sample, rays = gather(world, update, self.sampling, clock)
+        gathered = gather(world, update, self.sampling, clock)
         with clock("blend"):
-            blend_texels(self.state, texel, sample, self.sampling.blending, frame)
-        return Maintenance(texels=texel, rays=rays)
+            blend_texels(self.state, texel, gathered.irradiance, self.sampling.blending, frame, gathered.spread)
+        return Maintenance(texels=texel, rays=gathered.rays)

@@ -100,7 +100,7 @@ class Renderer:
             # Looking for buried texels is no part of the render: its rays are not recorded.
             lightmaps = unwrap(scene, trace=Structure(scene, backend).trace)
         self.lightmaps = lightmaps
-        self.fraction = fraction_bits(scene)
+        self.fraction = fraction_bits(scene, self.sampling.balanced)
         self.maintainer = Maintainer(lightmaps, self.sampling, seed)
         self.publisher = Publisher(lightmaps)
         self.next_frame = 0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from golden_model.accumulation import accumulate, irradiance
-from golden_model.blend import ALPHA_MIN, blend, blend_texels
+from golden_model.blend import Blending, blend, blend_texels
 from golden_model.floats import float_to_fixed
 from golden_model.formats import BLEND, TEXEL_STATE
 
@@ -51,10 +51,10 @@ def test_weight_is_the_mean_first_and_then_the_floor() -> None:
     texel = np.zeros(1, dtype=np.int64)
     samples = np.random.default_rng(0).uniform(0, 9, (10, 1, 3)).astype(np.float32)
     for k, sample in enumerate(samples):
-        blend_texels(state, texel, sample, ALPHA_MIN, k)
+        blend_texels(state, texel, sample, Blending(), k)
     assert state["irradiance"][0] == pytest.approx(samples.mean(axis=0)[0], rel=1e-6)
     before = state["irradiance"].copy()
-    blend_texels(state, texel, before + np.float32(1), ALPHA_MIN, 70000)
+    blend_texels(state, texel, before + np.float32(1), Blending(), 70000)
     assert state["irradiance"] == pytest.approx(before + 0.1, rel=1e-6)
     assert state["count"][0] == 11
     assert state["frame"][0] == 70000 % 65536
@@ -66,7 +66,7 @@ def test_light_that_goes_off_and_on_comes_back() -> None:
     texel = np.zeros(1, dtype=np.int64)
     for level, rounds in ((7.0, 50), (0.0, 300), (7.0, 300)):
         for _ in range(rounds):
-            blend_texels(state, texel, np.full((1, 3), level, dtype=np.float32), ALPHA_MIN, 0)
+            blend_texels(state, texel, np.full((1, 3), level, dtype=np.float32), Blending(), 0)
         assert state["irradiance"][0] == pytest.approx([level] * 3, rel=1e-6, abs=1e-9)
 
 
@@ -79,7 +79,7 @@ def test_dropped_texels_take_the_sample_whatever_they_held() -> None:
 
 def test_only_the_chosen_texels_change() -> None:
     state = np.zeros(5, dtype=TEXEL_STATE)
-    blend_texels(state, np.array([3, 1]), np.ones((2, 3), dtype=np.float32), ALPHA_MIN, 4)
+    blend_texels(state, np.array([3, 1]), np.ones((2, 3), dtype=np.float32), Blending(), 4)
     assert state["count"].tolist() == [0, 1, 0, 1, 0]
     assert state["frame"].tolist() == [0, 4, 0, 4, 0]
 

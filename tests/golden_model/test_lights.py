@@ -76,8 +76,8 @@ def test_balanced_samples_and_met_emission_add_up_close_to_the_light() -> None:
     lights = lights_of(scene)
     position, normal = floor_points((0.1, 0.2), (0.49, 0.49), (0.6, 0.0), (2.0, 0.0))
     truth = np.array([rectangle_irradiance(x, z, 0.5, 0.01) for x, _, z in position.tolist()])
-    samples = 4096
-    _, weight = direct_candidates(lights, position, normal, np.arange(4), samples=samples, balanced=True)
+    samples, one = 4096, np.float32(1)
+    _, weight = direct_candidates(lights, position, normal, np.arange(4), samples=samples, rivals=one)
     found = weight[..., 2].astype(np.float64).sum(axis=1)
     for k in range(4):
         rays = np.zeros(samples, dtype=RAY)
@@ -86,10 +86,10 @@ def test_balanced_samples_and_met_emission_add_up_close_to_the_light() -> None:
         rays["direction"] = to_world(cosine_table()[:samples], facing, tangent_of(facing))
         hits = trace_brute_force(scene.triangles, rays)
         toward = rays["direction"] * hits["t"][:, None]
-        met = met_emission(lights, hits["primitive"], hits["front"], toward, facing)
+        met = met_emission(lights, hits["primitive"], hits["front"], toward, facing, one)
         found[k] += np.pi * met[hits["primitive"] >= 0, 2].astype(np.float64).sum() / samples
     assert np.allclose(found, truth, rtol=4e-3, atol=3e-4)
-    _, weight = direct_candidates(lights, position, normal, np.arange(4), samples=1, balanced=True)
+    _, weight = direct_candidates(lights, position, normal, np.arange(4), samples=1, rivals=one)
     assert weight.max() <= 3.1416 * 3, "no sample brings more than a sky full of the light"
 
 
