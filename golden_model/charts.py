@@ -1,11 +1,12 @@
 """From a scene to its lightmaps: charts for every object, texel records, buried texels."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from golden_model.burial import find_buried, nearest_valid
+from golden_model.chart_levels import deepest_levels
 from golden_model.errors import InputError
 from golden_model.formats import TEXEL
 from golden_model.lightmap import Lightmaps
@@ -78,9 +79,10 @@ def unwrap(
         fill=np.full(len(texels), -1, dtype=np.int32),
     )
     if trace is not None:
-        return find_buried(lightmaps, scene, trace)
-    lightmaps.fill[:] = nearest_valid(lightmaps, texels["state"])
-    return lightmaps
+        lightmaps = find_buried(lightmaps, scene, trace)
+    else:
+        lightmaps.fill[:] = nearest_valid(lightmaps, texels["state"])
+    return replace(lightmaps, deepest=deepest_levels(lightmaps))
 
 
 def object_charts(corners: np.ndarray, texel_size: float, cache: Path | None = None) -> ObjectCharts:

@@ -4,7 +4,8 @@ A texel (column i, row j) of object o is number offset[o] + j * width[o] + i, it
 object's lightmap coordinates.
 
 Published maps have coarser levels as well ([0034], [0084]): a texel (i, j) of level l stands for the 2**l x 2**l texels
-from (i * 2**l, j * 2**l) on, so coordinates in a level are those of the map times 2**-l. `levels_of` says where they lie.
+from (i * 2**l, j * 2**l) on, so coordinates in a level are those of the map times 2**-l; `levels_of` says where they
+lie.
 """
 
 from dataclasses import dataclass
@@ -36,6 +37,8 @@ class Lightmaps:
     """Chart of each texel, (N,) int32, numbered through all maps; -1 outside all charts."""
     fill: np.ndarray
     """Texel whose value is shown at each texel, (N,) int32: a valid one (itself if it is), -1 if its map has none."""
+    deepest: np.ndarray | None = None
+    """Coarsest level that may be read at each texel (`golden_model.chart_levels`), (N,) uint8; None: any."""
 
 
 def lightmap_coordinates(lightmaps: Lightmaps, primitive: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -126,8 +129,8 @@ def sample(
     """Trilinear: values (texels of all levels, K) float32 at coordinates (N, 2) of objects (N,): (N, K) float32.
 
     `uv` is in texels of level 0, `lod` (N,) an integer in 1/256 of a level as in GBUFFER. At 0 or below this is
-    `bilinear`, bit for bit; beyond the map's last level it is that level. Between two levels, with f = fraction / 256:
-    (1 - f) a + f b, each of a and b read bilinearly, flushed at each step.
+    `bilinear`, bit for bit; beyond the last level of the map, or the `deepest` one at the texel, it is that level.
+    Between two levels, with f = fraction / 256: (1 - f) a + f b, each of a and b read bilinearly, flushed at each step.
     """
     out = np.empty((len(uv), values.shape[1]), dtype=np.float32)
     near = lod <= 0
@@ -139,7 +142,7 @@ def sample(
     if len(values) != levels.total:
         raise ValueError(f"{len(values)} values: all levels of these maps have {levels.total}")
     owner, place = object_id[far], uv[far]
-    wanted = np.minimum(lod[far].astype(np.int64), levels.count[owner] << 8)
+    wanted = np.minimum(lod[far].astype(np.int64), _deepest(lightmaps, levels, owner, place) << 8)
     fine, fraction = wanted >> 8, ((wanted & 255).astype(np.float32) * np.float32(1 / 256))[:, None]
     a, b = (
         _weighted(
@@ -155,6 +158,17 @@ def sample(
     )
     out[far] = flush(flush(a * flush(np.float32(1) - fraction)) + flush(b * fraction))
     return out
+
+
+@quiet
+def _deepest(lightmaps: Lightmaps, levels: Levels, owner: np.ndarray, uv: np.ndarray) -> np.ndarray:
+    """The coarsest level that may be read at coordinates (N, 2) of maps (N,): (N,) int64."""
+    if lightmaps.deepest is None:
+        return levels.count[owner]
+    column, row = (np.floor(uv[:, axis]).astype(np.int64) for axis in (0, 1))
+    column = np.clip(column, 0, levels.width[owner, 0] - 1)
+    row = np.clip(row, 0, levels.height[owner, 0] - 1)
+    return lightmaps.deepest[levels.first[owner, 0] + row * levels.width[owner, 0] + column].astype(np.int64)
 
 
 def filled(lightmaps: Lightmaps, values: np.ndarray) -> np.ndarray:

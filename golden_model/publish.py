@@ -27,7 +27,7 @@ class Difference:
     region: np.ndarray
     """Regions rewritten, (R,) int64, in the order in which they are complete."""
     ready: np.ndarray
-    """Updates of the frame that have been blended when a region is complete, (R,) int64, ascending; 0 for none."""
+    """Updates of the frame that have been blended when a region is complete, (R,) int64, ascending, at least 1."""
     texel: np.ndarray
     """Texels of the published maps that are written, all levels, (K,) int64, each once."""
     rgba: np.ndarray
@@ -71,10 +71,9 @@ class Publisher:
         place, region = self.regions.showing(texel)
         ready = np.zeros(self.regions.count, dtype=np.int64)
         np.maximum.at(ready, region, place + 1)
-        touched = ready > 0
         unknown = self._count_samples(state, texel)
-        touched[self._showing_unknown(unknown)] = True
-        written = np.flatnonzero(touched)
+        ready[self._showing_unknown(unknown)] = len(texel)
+        written = np.flatnonzero(ready)
         rgba = before["rgba"].copy()
         level0 = self.regions.texels(written)
         rgba[level0] = self._values(state, level0, unknown)
