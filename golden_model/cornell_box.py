@@ -9,6 +9,7 @@ renderers).
 import numpy as np
 
 from golden_model.scene import Camera, Keyframe, Part, Scene, assemble, vector
+from golden_model.shapes import quad_coordinates, quad_triangles
 
 LIGHT_DROP = 0.5
 
@@ -63,12 +64,6 @@ PATH = tuple(
 )
 
 
-def _quads(quads: list[Quad]) -> np.ndarray:
-    """Each quad as two triangles with a common first corner: (2 Q, 3, 3) float32."""
-    corners = np.array(quads, dtype=np.float64)
-    return corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3).astype(np.float32)
-
-
 def _block(top: Quad) -> list[Quad]:
     def down(corner: tuple[float, float, float]) -> tuple[float, float, float]:
         return (corner[0], 0.0, corner[2])
@@ -82,13 +77,15 @@ def cornell_box_parts(names: list[str] | None = None) -> list[Part]:
 
     def part(name: str) -> Part:
         quad, albedo, emission = ROOM.get(name, ((), WHITE, BLACK))
-        corners = _quads([quad] if quad else _block(BLOCKS[name]))
+        quads = [quad] if quad else _block(BLOCKS[name])
+        corners = quad_triangles(np.array(quads, dtype=np.float64)).astype(np.float32)
         return Part(
             name=name,
             corners=corners,
             albedo=np.array([albedo], dtype=np.float32),
             emission=np.array([emission], dtype=np.float32),
             material=np.zeros(len(corners), dtype=np.int32),
+            texture_uv=quad_coordinates(len(quads)),
         )
 
     return [part(name) for name in (names if names is not None else PART_NAMES)]

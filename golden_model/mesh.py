@@ -59,6 +59,13 @@ def shading_normals(corners: np.ndarray) -> np.ndarray:
     return (total / np.sqrt(dot(total, total))[:, None]).reshape(corners.shape).astype(np.float32)
 
 
+def without_area(corners: np.ndarray) -> np.ndarray:
+    """Which triangles (F, 3, 3) have their points on a line as far as float32 coordinates can tell, (F,) bool."""
+    area = area_vectors(corners)
+    edges = corners.astype(np.float64) - np.roll(corners, 1, axis=1).astype(np.float64)
+    return np.sqrt(dot(area, area)) <= dot(edges, edges).max(axis=1) * 2.0**-40
+
+
 def check_part(part: Part, where: str) -> None:
     """Raises InputError for vertices, triangles and materials that cannot be used; `where` begins the message."""
     finite = np.isfinite(part.corners).all(axis=(1, 2))
@@ -67,11 +74,7 @@ def check_part(part: Part, where: str) -> None:
             f"{where}: {_count(~finite)} with a vertex that is NaN or infinite "
             f"(first: triangle {_first(~finite)}); correct or remove the vertices"
         )
-    area = area_vectors(part.corners)
-    edges = part.corners.astype(np.float64) - np.roll(part.corners, 1, axis=1).astype(np.float64)
-    longest = dot(edges, edges).max(axis=1)
-    # Below this the three points are on a line as far as float32 coordinates can tell.
-    flat = np.sqrt(dot(area, area)) <= longest * 2.0**-40
+    flat = without_area(part.corners)
     if flat.any():
         raise InputError(
             f"{where}: {_count(flat)} without area (first: triangle {_first(flat)}); "

@@ -73,8 +73,10 @@ def _part(path: Path, name: str, mesh: Any, transform: np.ndarray, materials: di
         )
     moved = transformed(vertices, transform[:3, :3], transform[:3, 3])
     corners = moved[faces]
+    coordinates = _texture_coordinates(mesh, faces)
     if determinant(transform[:3, :3]) < 0:
         corners = corners[:, ::-1]  # a mirror image: keeps the front in front
+        coordinates = None if coordinates is None else coordinates[:, ::-1]
     material = getattr(mesh.visual, "material", None)
     albedo, emission = materials.get(str(getattr(material, "name", "")), DEFAULT)
     with np.errstate(over="ignore"):
@@ -85,7 +87,16 @@ def _part(path: Path, name: str, mesh: Any, transform: np.ndarray, materials: di
         albedo=np.array([albedo], dtype=np.float32),
         emission=np.array([emission], dtype=np.float32),
         material=np.zeros(len(faces), dtype=np.int32),
+        texture_uv=coordinates,
     )
+
+
+def _texture_coordinates(mesh: Any, faces: np.ndarray) -> np.ndarray | None:
+    """At the corners, (F, 3, 2) float32, v upwards; None where the mesh has none that can be used."""
+    uv = getattr(mesh.visual, "uv", None)
+    if uv is None or np.shape(uv) != (len(mesh.vertices), 2) or not np.isfinite(uv).all():
+        return None
+    return np.asarray(uv, dtype=np.float64)[faces].astype(np.float32)
 
 
 @quiet

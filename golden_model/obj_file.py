@@ -20,12 +20,13 @@ Colours = tuple[list[float], list[float]]
 
 
 class _Triangles:
-    """The triangles of one object: vertex and normal indices of the corners (-1: no normal), material, line."""
+    """The triangles of one object: vertex, normal and texture indices of the corners (-1: none), material, line."""
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.vertices: list[tuple[int, int, int]] = []
         self.normals: list[tuple[int, int, int]] = []
+        self.textures: list[tuple[int, int, int]] = []
         self.material: list[str] = []
         self.line: list[int] = []
 
@@ -34,6 +35,7 @@ def load_obj(path: Path) -> list[Part]:
     """The objects of an OBJ file, in their order; those without faces are left out. Raises InputError."""
     vertices: list[list[float]] = []
     normals: list[list[float]] = []
+    coordinates: list[list[float]] = []
     materials: dict[str, Colours] = {"": (list(DEFAULT_ALBEDO), [0.0, 0.0, 0.0])}
     objects = [_Triangles(path.stem)]
     material = ""
@@ -43,13 +45,16 @@ def load_obj(path: Path) -> list[Part]:
             vertices.append(_three(where, key, values))
         elif key == "vn":
             normals.append(_three(where, key, values))
+        elif key == "vt":
+            coordinates.append(_two(where, key, values))
         elif key == "f":
-            corners = [_corner(where, word, len(vertices), len(normals)) for word in values]
+            corners = [_corner(where, word, len(vertices), len(normals), len(coordinates)) for word in values]
             if len(corners) < 3:
                 raise InputError(f"{where}: a face needs three or more corners; the file may be cut off")
             for second, third in itertools.pairwise(corners[1:]):
                 objects[-1].vertices.append((corners[0][0], second[0], third[0]))
                 objects[-1].normals.append((corners[0][1], second[1], third[1]))
+                objects[-1].textures.append((corners[0][2], second[2], third[2]))
                 objects[-1].material.append(material)
                 objects[-1].line.append(line)
         elif key == "o":
@@ -62,11 +67,17 @@ def load_obj(path: Path) -> list[Part]:
             materials.update(_load_mtl(path.parent / " ".join(values), where))
     points = np.array(vertices, dtype=np.float64).reshape(-1, 3)
     directions = np.array(normals, dtype=np.float64).reshape(-1, 3)
-    return [_part(path, item, points, directions, materials) for item in objects if item.vertices]
+    pictured = np.array(coordinates, dtype=np.float64).reshape(-1, 2)
+    return [_part(path, item, points, directions, pictured, materials) for item in objects if item.vertices]
 
 
 def _part(
-    path: Path, item: _Triangles, points: np.ndarray, directions: np.ndarray, materials: dict[str, Colours]
+    path: Path,
+    item: _Triangles,
+    points: np.ndarray,
+    directions: np.ndarray,
+    coordinates: np.ndarray,
+    materials: dict[str, Colours],
 ) -> Part:
     index = np.array(item.vertices)
     outside = ((index < 0) | (index >= len(points))).any(axis=1)
@@ -86,6 +97,7 @@ def _part(
         albedo=np.array([materials[name][0] for name in names], dtype=np.float32),
         emission=np.array([materials[name][1] for name in names], dtype=np.float32),
         material=np.array([number[name] for name in item.material], dtype=np.int32),
+        texture_uv=_texture_coordinates(coordinates, np.array(item.textures)),
     )
 
 
@@ -97,6 +109,15 @@ def _unit_normals(directions: np.ndarray, index: np.ndarray) -> np.ndarray | Non
     with np.errstate(all="ignore"):
         unit = chosen / np.sqrt(dot(chosen, chosen))[..., None]
     return unit.astype(np.float32) if np.isfinite(unit).all() else None
+
+
+def _texture_coordinates(coordinates: np.ndarray, index: np.ndarray) -> np.ndarray | None:
+    """Texture coordinates at the corners, None where a corner has none that can be used."""
+    if (index < 0).any() or (index >= len(coordinates)).any():
+        return None
+    with np.errstate(over="ignore"):
+        chosen = coordinates[index].astype(np.float32)
+    return chosen if np.isfinite(chosen).all() else None
 
 
 def _load_mtl(path: Path, where: str) -> dict[str, Colours]:
@@ -139,17 +160,27 @@ def _three(where: str, key: str, values: list[str]) -> list[float]:
     return [x, y, z]
 
 
-def _corner(where: str, word: str, vertices: int, normals: int) -> tuple[int, int]:
-    """`v`, `v/vt`, `v//vn` or `v/vt/vn` to the numbers of vertex and normal, from 0; -1 for no normal."""
+def _two(where: str, key: str, values: list[str]) -> list[float]:
+    try:
+        u, v = (float(word) for word in (values + ["0"] * (len(values) == 1))[:2])
+    except ValueError:
+        raise InputError(f"{where}: `{key}` needs one or two numbers; the file may be damaged or cut off") from None
+    return [u, v]
+
+
+def _corner(where: str, word: str, vertices: int, normals: int, coordinates: int) -> tuple[int, int, int]:
+    """`v`, `v/vt`, `v//vn` or `v/vt/vn` to the numbers of vertex, normal and texture point, from 0; -1 for none."""
     parts = word.split("/")
     try:
         vertex = int(parts[0])
         normal = int(parts[2]) if len(parts) > 2 and parts[2] else 0
+        texture = int(parts[1]) if len(parts) > 1 and parts[1] else 0
     except ValueError:
         raise InputError(f"{where}: {word!r} is not a corner of a face; the file may be damaged or cut off") from None
-    if vertex == 0 or vertex < -vertices or normal < -normals:
+    if vertex == 0 or vertex < -vertices or normal < -normals or texture < -coordinates:
         raise InputError(f"{where}: a face names a vertex or normal that does not exist; numbers begin with 1")
     return (
         vertex - 1 if vertex > 0 else vertices + vertex,
         normal - 1 if normal >= 0 else normals + normal,
+        texture - 1 if texture >= 0 else coordinates + texture,
     )
