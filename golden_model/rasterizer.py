@@ -99,7 +99,7 @@ class Mesh:
     lightmap_uv: np.ndarray
     """Lightmap coordinates of the corners in texels, (T, 3, 2) float32."""
     texture_uv: np.ndarray | None = None
-    """Texture coordinates of the corners in texels of the finest level, (T, 3, 2) float32; None: nothing is textured."""
+    """Texture coordinates of the corners in texels of the finest level, (T, 3, 2) float32; None: there are none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -396,7 +396,9 @@ class _Attributes:
 
         corner = take(9)
         normal = [between(*corner[axis::3]) for axis in range(3)]
-        square = flush(flush(flush(normal[0] * normal[0]) + flush(normal[1] * normal[1])) + flush(normal[2] * normal[2]))
+        square = flush(
+            flush(flush(normal[0] * normal[0]) + flush(normal[1] * normal[1])) + flush(normal[2] * normal[2])
+        )
         length = np.sqrt(square)
 
         out["primitive"], out["object"], out["front"] = self._primitive[row], self._object[row], self._front[row]

@@ -1,12 +1,45 @@
-"""From published lightmaps to radiance: of a pixel ([0056] to [0058], claim 10) and of what an indirect ray hits."""
+"""From published lightmaps to radiance: fragment shading ([0041], [0056] to [0058], claim 10) and diffuse hits of rays.
+
+What fragment shading finds at a pixel is what does not take a ray: reflected light from the lightmap, filtered with the
+level of detail, times albedo and texture, plus emission. Mirrors and glass ask for rays; `golden_model.ray_shading`
+makes them.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from golden_model.floats import flush, half_to_float, quiet
-from golden_model.lightmap import Lightmaps, bilinear, lightmap_coordinates
-from golden_model.scene import Scene
+from golden_model.lightmap import Lightmaps, bilinear, lightmap_coordinates, sample
+from golden_model.scene import DIFFUSE, MIRROR, Scene
+from golden_model.textures import Textures, build_textures, sample_textures, texel_coordinates
+from golden_model.vectors import interpolate
 
 INVERSE_PI = np.float32(0.31830987)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surfaces:
+    """All that the shading of one frame reads: the same for fragments and for hits of rays, and for every emitter."""
+
+    scene: Scene
+    """Of the frame."""
+    lightmaps: Lightmaps
+    """Records are not read here: those of the scene at rest will do."""
+    irradiance: np.ndarray
+    """The published maps as `readable` gives them, (N, 3) float32; mip texels, if there are any, after the maps."""
+    textures: Textures | None = None
+    """Of `scene.textures`; `build_textures` makes them, once for a sequence."""
+    links: np.ndarray | None = None
+    """Texels at the corners of the triangles of `scene.coarse`, (T, 3) int32, -1: none; for hits of coarse geometry."""
+    filtered: bool = False
+    """Whether fragments read the lightmaps with their level of detail; else always the finest level."""
+    ray_texture_lod: int = 0
+    """Level of detail of textures where rays hit them, in 1/256ths."""
+
+    def geometry(self, coarse: bool) -> Scene:
+        """The scene whose triangles a ray met: with `coarse` the reduced one, if there is one."""
+        return self.scene.coarse if coarse and self.scene.coarse is not None else self.scene
 
 
 def readable(published: np.ndarray) -> np.ndarray:
@@ -15,40 +48,118 @@ def readable(published: np.ndarray) -> np.ndarray:
 
 
 @quiet
-def reflected(scene: Scene, primitive: np.ndarray, front: np.ndarray, irradiance: np.ndarray) -> np.ndarray:
-    """Radiance (N, 3) that triangles (N,) reflect under `irradiance` (N, 3): (albedo * E) * (1/pi), diffuse.
+def textured(
+    surfaces: Surfaces, scene: Scene, primitive: np.ndarray, place: np.ndarray | None, lod: np.ndarray | None
+) -> np.ndarray:
+    """Albedo times texture of triangles (N,), (N, 3) float32, read at `place` (N, 2) with `lod` (N,)."""
+    material = scene.material[primitive]
+    albedo = scene.albedo[material]
+    if surfaces.textures is None or place is None or lod is None:
+        return albedo
+    texture = scene.texture[material]
+    some = np.flatnonzero(texture >= 0)
+    albedo = albedo.copy()
+    albedo[some] = flush(albedo[some] * sample_textures(surfaces.textures, texture[some], place[some], lod[some]))
+    return albedo
 
-    The back of a triangle has no lightmap and counts as black.
+
+def albedo_at(surfaces: Surfaces, scene: Scene, hits: np.ndarray) -> np.ndarray:
+    """Albedo times texture of HIT (N,) that met a triangle of `scene`, (N, 3) float32."""
+    if surfaces.textures is None:
+        return textured(surfaces, scene, hits["primitive"], None, None)
+    corner = texel_coordinates(scene, hits["primitive"])
+    place = interpolate(corner[:, 0], corner[:, 1], corner[:, 2], hits["u"], hits["v"])
+    return textured(surfaces, scene, hits["primitive"], place, np.full(len(hits), surfaces.ray_texture_lod))
+
+
+@quiet
+def reflected(albedo: np.ndarray, diffuse: np.ndarray, irradiance: np.ndarray) -> np.ndarray:
+    """Radiance (N, 3) that surfaces of `albedo` (N, 3) reflect under `irradiance` (N, 3): (albedo * E) * (1/pi).
+
+    Zero where not `diffuse` (N,): for mirrors, glass, and the back of a triangle, which has no lightmap.
     """
-    albedo = scene.albedo[scene.material[primitive]]
-    radiance = flush(flush(albedo * irradiance) * INVERSE_PI)
-    return np.where(front[:, None], radiance, np.float32(0))
+    return np.where(diffuse[:, None], flush(flush(albedo * irradiance) * INVERSE_PI), np.float32(0))
+
+
+def emitted(scene: Scene, primitive: np.ndarray, front: np.ndarray) -> np.ndarray:
+    """Radiance (N, 3) that triangles (N,) send out on the side seen: on their front only."""
+    return np.where(front[:, None], scene.emission[scene.material[primitive]], np.float32(0))
+
+
+@quiet
+def diffuse_radiance(surfaces: Surfaces, hits: np.ndarray, *, coarse: bool = False) -> np.ndarray:
+    """Radiance (N, 3) that comes back from HIT (N,), each of a triangle, by way of the lightmaps; no emission.
+
+    Coarse geometry has no lightmaps of its own: between the corners of a triangle it shows the texels that they are
+    linked to.
+    """
+    scene, primitive = surfaces.geometry(coarse), hits["primitive"]
+    diffuse = (scene.surface[scene.material[primitive]] == DIFFUSE) & hits["front"]
+    if scene is not surfaces.scene:
+        assert surfaces.links is not None, "coarse geometry needs links to texels"
+        link = surfaces.links[primitive]
+        corner = np.where(link[..., None] >= 0, surfaces.irradiance[np.maximum(link, 0)], np.float32(0))
+        arriving = interpolate(corner[:, 0], corner[:, 1], corner[:, 2], hits["u"], hits["v"])
+    else:
+        place = lightmap_coordinates(surfaces.lightmaps, primitive, hits["u"], hits["v"])
+        arriving = bilinear(surfaces.lightmaps, surfaces.irradiance, scene.object_id[primitive], place)
+    return reflected(albedo_at(surfaces, scene, hits), diffuse, arriving)
 
 
 def shade_hits(scene: Scene, lightmaps: Lightmaps, irradiance: np.ndarray, hits: np.ndarray) -> np.ndarray:
-    """HIT (N,) to the radiance (N, 3) that comes back along the rays, from maps `irradiance` (texels, 3) float32.
+    """HIT (N,) to the radiance (N, 3) that diffuse surfaces send back along the rays, from maps `irradiance`.
 
     A miss brings nothing. Nor does the emission of what is hit: lights are sampled by shadow rays, counting them here
     again would count them twice.
     """
+    surfaces = Surfaces(
+        scene=scene, lightmaps=lightmaps, irradiance=irradiance, textures=build_textures(scene.textures)
+    )
     radiance = np.zeros((len(hits), 3), dtype=np.float32)
     struck = np.flatnonzero(hits["primitive"] >= 0)
-    hit = hits[struck]
-    primitive = hit["primitive"]
-    coordinates = lightmap_coordinates(lightmaps, primitive, hit["u"], hit["v"])
-    arriving = bilinear(lightmaps, irradiance, scene.object_id[primitive], coordinates)
-    radiance[struck] = reflected(scene, primitive, hit["front"], arriving)
+    radiance[struck] = diffuse_radiance(surfaces, hits[struck])
     return radiance
 
 
 @quiet
-def shade_pixels(scene: Scene, lightmaps: Lightmaps, irradiance: np.ndarray, gbuffer: np.ndarray) -> np.ndarray:
-    """GBUFFER (H, W) to the picture (H, W, 3) float32: reflected plus emitted radiance, zero where nothing is seen."""
-    image = np.zeros((*gbuffer.shape, 3), dtype=np.float32)
+def shade_fragments(surfaces: Surfaces, fragment: np.ndarray) -> np.ndarray:
+    """GBUFFER (N,), each of a triangle, to what needs no ray: reflected plus emitted radiance, (N, 3) float32."""
+    scene, primitive = surfaces.scene, fragment["primitive"]
+    if surfaces.filtered:
+        arriving = sample(
+            surfaces.lightmaps, surfaces.irradiance, fragment["object"], fragment["lightmap"], fragment["lod"]
+        )
+    else:
+        arriving = bilinear(surfaces.lightmaps, surfaces.irradiance, fragment["object"], fragment["lightmap"])
+    diffuse = (scene.surface[scene.material[primitive]] == DIFFUSE) & fragment["front"]
+    albedo = textured(surfaces, scene, primitive, fragment["texture"], fragment["texture_lod"])
+    return flush(reflected(albedo, diffuse, arriving) + emitted(scene, primitive, fragment["front"]))
+
+
+@quiet
+def ray_weights(surfaces: Surfaces, gbuffer: np.ndarray) -> np.ndarray:
+    """GBUFFER (H, W) to the weights of the pixels' rays, (H, W, 3) float32: what the blender multiplies them with.
+
+    A diffuse pixel's rays bring irradiance: albedo / pi; its back reflects nothing. A mirror's bring radiance: its
+    tint. Those of glass, each reflected or refracted, carry their weights with them: 1. 0 where nothing is seen.
+    """
+    weight = np.zeros((*gbuffer.shape, 3), dtype=np.float32)
     seen = gbuffer["primitive"] >= 0
     pixel = gbuffer[seen]
-    primitive = pixel["primitive"]
-    arriving = bilinear(lightmaps, irradiance, pixel["object"], pixel["lightmap"])
-    emitted = np.where(pixel["front"][:, None], scene.emission[scene.material[primitive]], np.float32(0))
-    image[seen] = flush(reflected(scene, primitive, pixel["front"], arriving) + emitted)
+    scene, primitive = surfaces.scene, pixel["primitive"]
+    surface = scene.surface[scene.material[primitive]][:, None]
+    albedo = textured(surfaces, scene, primitive, pixel["texture"], pixel["texture_lod"])
+    diffuse = np.where(pixel["front"][:, None], flush(albedo * INVERSE_PI), np.float32(0))
+    weight[seen] = np.where(surface == DIFFUSE, diffuse, np.where(surface == MIRROR, albedo, np.float32(1)))
+    return weight
+
+
+def shade_pixels(scene: Scene, lightmaps: Lightmaps, irradiance: np.ndarray, gbuffer: np.ndarray) -> np.ndarray:
+    """GBUFFER (H, W) to the picture (H, W, 3) float32 of the finest levels; zero where nothing is seen."""
+    surfaces = Surfaces(
+        scene=scene, lightmaps=lightmaps, irradiance=irradiance, textures=build_textures(scene.textures)
+    )
+    image = np.zeros((*gbuffer.shape, 3), dtype=np.float32)
+    seen = gbuffer["primitive"] >= 0
+    image[seen] = shade_fragments(surfaces, gbuffer[seen])
     return image
