@@ -92,7 +92,7 @@ class Collector:
     """Collects rays and traces them, wave by wave."""
 
     def __init__(self, trace: KindTrace, low: np.ndarray, high: np.ndarray, packing: Packing | None = None):
-        """`low` and `high` (3,) float32 bound what the cells divide; rays from outside belong to the outermost cells."""
+        """`low` and `high` (3,) float32 bound what the cells divide; rays from outside are of the border cells."""
         self.packing = packing or Packing()
         self.figures = CollectorFigures()
         self._trace = trace

@@ -46,7 +46,7 @@ class FrameShading:
     """Mirrors and panes of glass that a path from the eye may meet, the visible one included, 0 to 16."""
     split: int = 2
     """Of these the first so many send both the reflected and the refracted ray, the others one of them, 0 to 8."""
-    cutoff: np.float32 = np.float32(2.0**-9)
+    cutoff: float = 2.0**-9
     """Rays of which no more than this would reach the eye are not traced, 0 to 0.5."""
     coarse_specular: bool = False
     """Whether reflected and refracted rays meet the reduced geometry, where the scene has one ([0055])."""
@@ -165,7 +165,7 @@ class FrameRays:
     def _go_on(self, pixel: np.ndarray, onward: Onward, weight: np.ndarray) -> None:
         """Puts rays into the next wave, but those that are not worth it."""
         self._bounce += 1
-        enough = weight.max(axis=1) > self.options.cutoff
+        enough = weight.max(axis=1) > np.float32(self.options.cutoff)
         if self._bounce > self.options.bounces:
             enough[:] = False
         kept = np.flatnonzero(enough)

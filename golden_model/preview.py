@@ -1,8 +1,8 @@
 """Pictures of the maintenance itself ([0046]): any quantity of the texels, on the surfaces of the scene or as maps.
 
-A preview shows the scene as the G-buffer sees it, every pixel in the colour of the nearest texel, shaded a little by the
-normal and outlined where one object ends, so that the geometry reads. Pixels without a texel are grey. These pictures
-are for the eye; nothing of the frame loop depends on them.
+A preview shows the scene as the G-buffer sees it, every pixel in the colour of the nearest texel, shaded a little by
+the normal and outlined where one object ends, so that the geometry reads. Pixels without a texel are grey. These
+pictures are for the eye; nothing of the frame loop depends on them.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""The buffer that the rays of a frame add to ([0045]): sums in fixed point, so that the order of arrival is no matter."""
+"""The buffer that the rays of a frame add to ([0045]): sums in fixed point, so that the order does not matter."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What rays bring back ([0044], [0045], [0064], [0065]): the radiance of what they meet, and rays that go on from there.
+"""What rays bring back ([0044], [0045], [0064], [0065]): the radiance of what they meet, and rays that go on.
 
 A diffuse surface answers at once, from its lightmap. A mirror or a pane of glass answers by a further ray, or two: the
 caller traces them as a new wave and weighs what they bring. So every emitter of rays works in the same waves: emit,
@@ -176,7 +176,7 @@ def scatter(
 
 @quiet
 def _refracted(incoming: np.ndarray, normal: np.ndarray, cosine: np.ndarray, eta: np.ndarray) -> np.ndarray:
-    """Directions (N, 3) behind the surface by Snell's law, for unit `incoming` and `normal`; NaN where totally reflected.
+    """Directions (N, 3) behind the surface by Snell's law, of unit `incoming` and `normal`; NaN where all is reflected.
 
     eta d + (eta c - sqrt(1 - eta^2 (1 - c^2))) n.
     """
