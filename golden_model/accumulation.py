@@ -4,7 +4,7 @@ import numpy as np
 
 from golden_model.floats import float_to_fixed
 from golden_model.scene import Scene
-from golden_model.statistics import LUMINANCE_BITS
+from golden_model.statistics import LUMINANCE_BITS, luminance
 
 HEADROOM_BITS = 10
 """Of contributions that have no bound: what point lights bring, and area lights that shadow rays alone find."""
@@ -13,25 +13,26 @@ BALANCED_HEADROOM_BITS = 6
 
 … over the number of rays, and as much again for each bounce, so that nothing saturates unless light adds up to more
 than twenty times what the brightest light emits, in one ray."""
+SETTLED_BITS = 9
+"""Light is settled if less than 2**-SETTLED_BITS of it is still to come."""
 _LUMINANCE_SHIFT = 4
 """A contribution's luminance is added up in units of 4 of the accumulators' (and is the mean of four parts)."""
 
 
 def fraction_bits(scene: Scene, balanced: bool) -> int:
-    """Bits after the binary point for the accumulators of a scene: 0 to 31.
+    """Bits after the binary point for the accumulators of a scene at rest, for all its frames: 0 to 31.
 
     A contribution saturates at 2**31 / 2**fraction: 2**6 times the brightest emission of an area light, or more, where
     they are `balanced`, otherwise 2**10 times; and 2**10 times the irradiance of all point lights from half the scene's
     longest side away. It is resolved to 2**-25, 2**-21 and 2**-21 of these or finer.
     """
     exponents = []
-    if (brightest := float(scene.emission[np.unique(scene.material)].max(initial=0.0))) > 0:
-        exponents.append(int(np.frexp(brightest)[1]) + (BALANCED_HEADROOM_BITS if balanced else HEADROOM_BITS))
+    if scene.brightest > 0:
+        exponents.append(int(np.frexp(scene.brightest)[1]) + (BALANCED_HEADROOM_BITS if balanced else HEADROOM_BITS))
     if len(scene.point_lights):
         corners = scene.corners.reshape(-1, 3)
         distance = float((corners.max(axis=0) - corners.min(axis=0)).max()) / 2
-        intensity = float(scene.point_lights["intensity"].astype(np.float64).sum(axis=0).max())
-        exponents.append(int(np.frexp(intensity / (distance * distance))[1]) + HEADROOM_BITS)
+        exponents.append(int(np.frexp(scene.brightest_lights / (distance * distance))[1]) + HEADROOM_BITS)
     return int(np.clip(31 - max(exponents, default=0), 0, 31))
 
 
@@ -61,6 +62,23 @@ def luminance_sums(
     np.add.at(sums, slot, value)
     np.add.at(squares, slot, value * value)
     return sums, squares
+
+
+def light_of(irradiance: np.ndarray, fraction: int) -> int:
+    """Luminance of texels (M, 3) float32 together, in fixed point as contributions are; 32 + log2(M) bits."""
+    return int(float_to_fixed(luminance(irradiance), fraction).sum(dtype=np.int64))
+
+
+def settled(totals: list[int]) -> bool:
+    """Whether light that comes to rest, a bounce a round, lacks less than 2**-SETTLED_BITS of what it will come to.
+
+    `totals` is all light after each round so far, from darkness on. Late rounds rise in geometric progression; the rest
+    is the sum of its further terms, d * d / (c - d) for rises of c and then d. Three rounds are needed for that.
+    """
+    if len(totals) < 3 or not totals[-1]:
+        return False
+    before, last = totals[-2] - totals[-3], totals[-1] - totals[-2]
+    return last <= 0 or (last < before and (last * last << SETTLED_BITS) < totals[-1] * (before - last))
 
 
 def irradiance(total: np.ndarray, fraction: int) -> np.ndarray:

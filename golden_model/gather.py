@@ -41,8 +41,8 @@ class Sampling:
     the hits of their rays do."""
     blending: Blending = field(default_factory=Blending)
     """How it weighs against the old value."""
-    priming: int = 5
-    """Rounds before the first frame, each within one frame's budget; see `Renderer`."""
+    priming: int = 32
+    """Rounds before the first frame at most, each within one frame's budget; see `Renderer`."""
 
     def __post_init__(self) -> None:
         if self.directions & (self.directions - 1) or not 1 <= self.directions <= COUNT:

@@ -124,8 +124,8 @@ def direct_candidates(
 
     `rivals` (a number or (N,) float32) is for callers who also trace cosine-distributed rays from the point, `rivals`
     of them for each light sample, and add `met_emission` of what they hit: each of the two ways to find a light then
-    counts by how likely it is to (the balance heuristic of Veach 1997). So a light close by cannot bring a few
-    enormous samples: the weights of a point stay below pi / rivals / S times the emission.
+    counts by how likely it is to (the power heuristic of Veach 1997, with squares). So a light close by cannot bring a
+    few enormous samples: the weights of a point stay below pi / 2 / rivals / S times the emission.
     """
     count = len(position)
     rays = np.zeros((count, samples), dtype=RAY)
@@ -166,11 +166,13 @@ def _transfer(lights: Lights, light: np.ndarray, toward: np.ndarray, normal: np.
 
 
 def _odds(factor: np.ndarray, rivals: np.ndarray) -> np.ndarray:
-    """How many cosine-distributed rays go to a place for one light sample: `rivals` times the ratio of the densities.
+    """Weight of what cosine-distributed rays bring from a place over the weight of what light samples bring from it.
 
-    The density of cosine-distributed rays over that of light samples is the transfer over pi.
+    The square of how many such rays go there for one light sample: `rivals` times the ratio of the densities, which is
+    the transfer over pi.
     """
-    return flush(flush(factor * _INVERSE_PI) * rivals)
+    expected = flush(flush(factor * _INVERSE_PI) * rivals)
+    return flush(expected * expected)
 
 
 @quiet
@@ -192,7 +194,8 @@ def met_emission(
     light = lights.of_triangle[primitive[shines]]
     factor = _transfer(lights, light, toward[shines], normal[shines])
     odds = _odds(factor, np.broadcast_to(np.asarray(rivals, dtype=np.float32), len(primitive))[shines])
-    share = flush(odds / flush(np.float32(1) + odds))  # of the rays
+    one = np.float32(1)
+    share = flush(one - flush(one / flush(one + odds)))
     radiance[shines] = scale(lights.emitted[light], share)
     return radiance
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from golden_model.accumulation import fraction_bits
+from golden_model.accumulation import fraction_bits, light_of, settled
 from golden_model.camera import View, look_at
 from golden_model.charts import unwrap
 from golden_model.flip_chain import FlipChain
@@ -83,7 +83,7 @@ class Renderer:
     ):
         """`budget` is the number of rays a frame; `lightmaps` default to `unwrap(scene)`; backend as for `trace`.
 
-        The maps have no earlier version that the first frame could read, so it is made here: in `Sampling.priming`
+        The maps have no earlier version that the first frame could read, so it is made here: in up to `Sampling.priming`
         rounds, each within the budget of a frame. `priming` 0 starts with black maps.
 
         Raises InputError for a budget that does not pay for one texel update, for a scene without light, and for what
@@ -123,14 +123,19 @@ class Renderer:
         """Makes the version that the first frames read.
 
         The texels that one frame's budget pays for, a coarse lattice over all maps, are sampled `priming` times over,
-        each time anew from what the round before has published: one more bounce of light a round. Without this the
-        texels of the first frames would hold less light than those sampled later, and the lattice would be seen.
+        each time anew from what the round before has published: one more bounce of light a round, until what is missing
+        is too little to matter. Without this the texels of the first frames would hold less light than those sampled
+        later, the lattice would be seen, and the averages would need a hundred updates to make up for it.
         """
         published = self.publisher.everything(self.state)
+        totals: list[int] = []
         for _ in range(self.sampling.priming):
             done = self.maintainer.prime(self._world(scene, readable(published)), self.budget)
             published = self.publisher.everything(self.state)
             self.priming_rays += sum(done.rays.values())
+            totals.append(light_of(self.state["irradiance"][done.texels], self.fraction))
+            if settled(totals):
+                break
         chain = FlipChain(published, self.pipeline.versions)
         nothing = np.zeros(0, dtype=np.int64)
         for version in range(1, self.pipeline.versions - 1):
