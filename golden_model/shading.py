@@ -32,6 +32,8 @@ class Surfaces:
     """Of `scene.textures`; `build_textures` makes them, once for a sequence."""
     links: np.ndarray | None = None
     """Texels at the corners of the triangles of `scene.coarse`, (T, 3) int32, -1: none; for hits of coarse geometry."""
+    fine: np.ndarray | None = None
+    """The triangle of `scene` that each of `scene.coarse` is, (T,) int32; -1: it is a reduced one. None: all are."""
     filtered: bool = False
     """Whether fragments read the lightmaps with their level of detail; else always the finest level."""
     ray_texture_lod: int = 0
@@ -90,8 +92,8 @@ def emitted(scene: Scene, primitive: np.ndarray, front: np.ndarray) -> np.ndarra
 def diffuse_radiance(surfaces: Surfaces, hits: np.ndarray, *, coarse: bool = False) -> np.ndarray:
     """Radiance (N, 3) that comes back from HIT (N,), each of a triangle, by way of the lightmaps; no emission.
 
-    Coarse geometry has no lightmaps of its own: between the corners of a triangle it shows the texels that they are
-    linked to.
+    Reduced triangles have no lightmaps of their own: between their corners they show the texels that these are linked
+    to. Triangles of coarse geometry that are the scene's own read its lightmaps.
     """
     scene, primitive = surfaces.geometry(coarse), hits["primitive"]
     diffuse = (scene.surface[scene.material[primitive]] == DIFFUSE) & hits["front"]
@@ -100,6 +102,12 @@ def diffuse_radiance(surfaces: Surfaces, hits: np.ndarray, *, coarse: bool = Fal
         link = surfaces.links[primitive]
         corner = np.where(link[..., None] >= 0, surfaces.irradiance[np.maximum(link, 0)], np.float32(0))
         arriving = interpolate(corner[:, 0], corner[:, 1], corner[:, 2], hits["u"], hits["v"])
+        own = primitive[:0] if surfaces.fine is None else surfaces.fine[primitive]
+        if (same := np.flatnonzero(own >= 0)).size:
+            place = lightmap_coordinates(surfaces.lightmaps, own[same], hits["u"][same], hits["v"][same])
+            arriving[same] = bilinear(
+                surfaces.lightmaps, surfaces.irradiance, surfaces.scene.object_id[own[same]], place
+            )
     else:
         place = lightmap_coordinates(surfaces.lightmaps, primitive, hits["u"], hits["v"])
         arriving = bilinear(surfaces.lightmaps, surfaces.irradiance, scene.object_id[primitive], place)
