@@ -2,7 +2,8 @@
 
 This is the ray work of lightmap maintenance ([0059], [0062] to [0065]), without any state: the same for the maps that
 are kept alive frame by frame (`golden_model.maintenance`) and for those that are brought to convergence
-(`golden_model.reference`).
+(`golden_model.reference`). It proceeds in waves of the ray collector, which other emitters share: a generator that
+yields where its rays wait to be traced (`golden_model.waves`).
 """
 
 from dataclasses import dataclass, field
@@ -12,17 +13,22 @@ import numpy as np
 
 from golden_model.accumulation import accumulate, irradiance, luminance_sums
 from golden_model.blend import Blending
+from golden_model.collector import MAINTENANCE, Collector
 from golden_model.directions import COUNT
 from golden_model.errors import InputError
 from golden_model.lightmap import Lightmaps
 from golden_model.lights import Lights
+from golden_model.random import hash_u32
+from golden_model.ray_shading import Onward, direct_at_hits, shade_rays
 from golden_model.sampling import TexelRays, Update, indirect_share, light_met, texel_rays
 from golden_model.scene import Scene
-from golden_model.shading import shade_hits
+from golden_model.shading import Surfaces
 from golden_model.statistics import relative_spread
 from golden_model.stopwatch import Stopwatch
-from golden_model.tracer import Trace
-from golden_model.vectors import add
+from golden_model.vectors import add, multiply
+from golden_model.waves import Waves
+
+_LIT = 1  # what a path's key is hashed with for the shadow ray of its hit
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +44,12 @@ class Sampling:
     `golden_model.sampling`): right beside a light too, for a division more a ray that meets one."""
     direct: Literal["maps", "rays"] = "maps"
     """Whether the maps hold direct and indirect light, or indirect light alone: then texels need no shadow rays, but
-    the hits of their rays do."""
+    the hits of their rays do, one each."""
+    bounces: int = 4
+    """Mirrors and panes of glass that a ray may meet on its way to a diffuse surface, 0 to 16."""
+    rounds: int = 4
+    """Times at most that a frame chooses texels, 1 to 16: first what its budget is sure to pay for, then with what was
+    reserved and not needed."""
     blending: Blending = field(default_factory=Blending)
     """How it weighs against the old value."""
     priming: int = 32
@@ -53,32 +64,43 @@ class Sampling:
             raise InputError(f'direct "{self.direct}": must be "maps" or "rays"')
         if self.priming < 0:
             raise InputError(f"priming {self.priming}: must be 0 or more")
+        if not 0 <= self.bounces <= 16:
+            raise InputError(f"bounces {self.bounces}: must be 0 to 16")
+        if not 1 <= self.rounds <= 16:
+            raise InputError(f"rounds {self.rounds}: must be 1 to 16")
 
-    @property
-    def cost(self) -> int:
-        """Rays that the budget reserves for an update. Shadow rays that cannot carry light are not traced."""
-        return self.directions + self.light_samples
+    def reserve(self, specular: bool) -> int:
+        """The most rays that an update can take, in a scene with or without mirrors and glass.
 
-    def require(self, budget: int) -> None:
+        The budget reserves as many. Rays that need not be traced are given back: shadow rays that cannot carry light,
+        and those that would follow from mirrors that are not met.
+        """
+        paths = self.directions * (1 + self.bounces * specular)
+        return 2 * paths if self.direct == "rays" else paths + self.light_samples
+
+    def require(self, budget: int, scene: Scene) -> None:
         """Raises InputError for a budget of rays a frame that does not pay for one update."""
-        if budget < self.cost:
-            raise InputError(f"--budget {budget}: one texel update takes {self.cost} rays; give at least as many")
+        reserve = self.reserve(scene.specular)
+        if budget < reserve:
+            raise InputError(f"--budget {budget}: one texel update takes {reserve} rays; give at least as many")
 
 
 @dataclass(frozen=True, kw_only=True)
 class World:
     """What rays meet in one frame."""
 
-    scene: Scene
-    """The frame's scene."""
+    surfaces: Surfaces
+    """What they read where they arrive."""
     lightmaps: Lightmaps
     """With the records of the frame's pose."""
-    values: np.ndarray
-    """Irradiance that is read where rays arrive, (N, 3) float32: a published version."""
     lights: Lights
-    trace: Trace
     fraction: int
     """Bits after the point of the accumulators."""
+
+    @property
+    def scene(self) -> Scene:
+        """The frame's scene."""
+        return self.surfaces.scene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,27 +112,104 @@ class Gathered:
     spread: np.ndarray
     """Its relative standard error as its rays tell, (M,) int64, 0 to 4095 in 1/256ths."""
     rays: dict[str, int]
-    """Rays traced by kind: "indirect", "shadow"."""
+    """Rays traced by kind: "indirect", "specular" (on from mirrors and glass), "shadow"."""
 
 
-def gather(world: World, update: Update, sampling: Sampling, clock: Stopwatch) -> Gathered:
+def gather(world: World, update: Update, sampling: Sampling, collector: Collector, clock: Stopwatch) -> Waves[Gathered]:
     """One sample of the irradiance of each of an update's M texels."""
+    samples = sampling.light_samples if sampling.direct == "maps" else 0
     with clock("generate rays"):
-        rays = texel_rays(update, world.lights, sampling.directions, sampling.light_samples, sampling.balanced)
-    with clock("trace indirect"):
-        hits = world.trace(rays.indirect)
-    with clock("trace shadow"):
-        arrived = world.trace(rays.shadow, any_hit=True)["primitive"] < 0
-    with clock("shade rays"):
-        radiance = shade_hits(world.scene, world.lightmaps, world.values, hits)
-        if sampling.balanced:
-            radiance = add(radiance, light_met(update, world.lights, rays, hits))
-        indirect = indirect_share(radiance, sampling.directions)
+        rays = texel_rays(update, world.lights, sampling.directions, samples, sampling.balanced)
+        path = _Paths.begin(rays, update)
+    nearest = collector.emit(MAINTENANCE, path.rays)
+    shadow = collector.emit(MAINTENANCE, rays.shadow, any_hit=True)
+    yield
+    arrived = collector.hits(shadow)["primitive"] < 0
+    traced = {"indirect": len(rays.indirect), "specular": 0, "shadow": len(rays.shadow)}
+    radiance = np.zeros((len(rays.indirect), 3), dtype=np.float32)
+    for bounce in range(sampling.bounces + 1):
+        with clock("shade rays"):
+            hits = collector.hits(nearest)
+            # What shines counts where no shadow ray can have brought it: behind mirrors and glass.
+            shaded = shade_rays(world.surfaces, path.rays, hits, path.key, emission=bounce > 0)
+            path.add(radiance, shaded.radiance)
+            if bounce == 0 and sampling.balanced:
+                radiance = add(radiance, light_met(update, world.lights, rays, hits))
+            lit = path.lit(world, hits) if sampling.direct == "rays" else None
+            path = path.follow(shaded.onward) if bounce < sampling.bounces else path.none()
+        if not len(path.rays) and lit is None:
+            break
+        nearest = collector.emit(MAINTENANCE, path.rays)
+        traced["specular"] += len(path.rays)
+        if lit is not None:
+            shadow = collector.emit(MAINTENANCE, lit.rays, any_hit=True)
+            traced["shadow"] += len(lit.rays)
+        yield
+        if lit is not None:
+            lit.add(radiance, collector.hits(shadow)["primitive"] < 0)
+        if not len(path.rays):
+            break
     with clock("accumulate"):
-        return _added_up(rays, indirect, arrived, world.fraction)
+        indirect = indirect_share(radiance, sampling.directions)
+        return _added_up(rays, indirect, arrived, world.fraction, traced)
 
 
-def _added_up(rays: TexelRays, indirect: np.ndarray, arrived: np.ndarray, fraction: int) -> Gathered:
+@dataclass(frozen=True, kw_only=True)
+class _Lit:
+    """Shadow rays from what rays have met, at most one a ray."""
+
+    root: np.ndarray
+    rays: np.ndarray
+    radiance: np.ndarray
+
+    def add(self, radiance: np.ndarray, arrived: np.ndarray) -> None:
+        """Adds what those that `arrived` (K,) bring to the radiance (R, 3) of the rays over the hemisphere."""
+        root = self.root[arrived]
+        radiance[root] = add(radiance[root], self.radiance[arrived])
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Paths:
+    """Rays over the hemisphere on their way, each by itself: at most one of a wave belongs to a root."""
+
+    root: np.ndarray  # (K,): the ray over the hemisphere that it goes on from
+    rays: np.ndarray  # RAY (K,)
+    weight: np.ndarray  # (K, 3): factor on what it brings
+    key: np.ndarray  # (K,) uint32
+
+    @classmethod
+    def begin(cls, rays: TexelRays, update: Update) -> "_Paths":
+        slot = rays.indirect_slot
+        within = np.arange(len(slot)) - (np.cumsum(rays.directions) - rays.directions)[slot]
+        return cls(
+            root=np.arange(len(slot)),
+            rays=rays.indirect,
+            weight=np.ones((len(slot), 3), dtype=np.float32),
+            key=hash_u32(update.texel[slot], update.number[slot], within, update.seed),
+        )
+
+    def add(self, radiance: np.ndarray, brought: np.ndarray) -> None:
+        """Adds what they bring, (K, 3), to the radiance (R, 3) of the rays over the hemisphere."""
+        radiance[self.root] = add(radiance[self.root], multiply(self.weight, brought))
+
+    def lit(self, world: World, hits: np.ndarray) -> _Lit:
+        """The shadow rays of what they have met, HIT (K,)."""
+        direct = direct_at_hits(world.surfaces, world.lights, hits, hash_u32(self.key, _LIT))
+        radiance = multiply(self.weight[direct.parent], direct.radiance)
+        return _Lit(root=self.root[direct.parent], rays=direct.rays, radiance=radiance)
+
+    def follow(self, onward: Onward) -> "_Paths":
+        """The rays that go on from them."""
+        weight = multiply(self.weight[onward.parent], onward.weight)
+        return _Paths(root=self.root[onward.parent], rays=onward.rays, weight=weight, key=onward.key)
+
+    def none(self) -> "_Paths":
+        return _Paths(root=self.root[:0], rays=self.rays[:0], weight=self.weight[:0], key=self.key[:0])
+
+
+def _added_up(
+    rays: TexelRays, indirect: np.ndarray, arrived: np.ndarray, fraction: int, traced: dict[str, int]
+) -> Gathered:
     """Contributions (R, 3) of the rays over the hemisphere, and of the shadow rays that `arrived` (S,), by texel."""
     texels = len(rays.directions)
     slot, light = rays.shadow_slot[arrived], rays.light[arrived]
@@ -118,8 +217,4 @@ def _added_up(rays: TexelRays, indirect: np.ndarray, arrived: np.ndarray, fracti
     groups = [(*luminance_sums(rays.indirect_slot, indirect, texels, fraction), rays.directions)]
     if rays.light_samples:
         groups.append((*luminance_sums(slot, light, texels, fraction), rays.light_samples))
-    return Gathered(
-        irradiance=irradiance(total, fraction),
-        spread=relative_spread(groups),
-        rays={"indirect": len(rays.indirect), "shadow": len(rays.shadow)},
-    )
+    return Gathered(irradiance=irradiance(total, fraction), spread=relative_spread(groups), rays=traced)

@@ -7,27 +7,35 @@ once has the same bits. docs/renderer.md describes every stage.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from golden_model.accumulation import fraction_bits, light_of, settled
+from golden_model.blender import blend_frame
 from golden_model.camera import View, look_at
 from golden_model.charts import unwrap
+from golden_model.coarse import coarse_links
+from golden_model.collector import Collector, Packing
+from golden_model.errors import InputError
 from golden_model.flip_chain import FlipChain
 from golden_model.forest import ForestOptions
+from golden_model.frame_shader import FrameRays, FrameShading
 from golden_model.gather import Sampling, World
 from golden_model.lightmap import Lightmaps
-from golden_model.lights import lights_of
+from golden_model.lights import Lights, lights_of
 from golden_model.maintenance import Maintainer, Maintenance
 from golden_model.motion import moved_records
-from golden_model.publish import Difference, Publisher
+from golden_model.publish import Publisher
 from golden_model.rasterizer import Mesh, Rasterization, draw
 from golden_model.recorder import TestRecorder
 from golden_model.scene import Scene, require_light
-from golden_model.shading import readable, shade_pixels
+from golden_model.shading import Surfaces, ray_weights, readable, shade_fragments
 from golden_model.stopwatch import Stopwatch
 from golden_model.structure import Structure
+from golden_model.textures import build_textures, texel_coordinates
+from golden_model.waves import Waves, run_together
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,9 +46,27 @@ class Pipeline:
     """How visible surfaces are determined."""
     structure: ForestOptions = field(default_factory=ForestOptions)
     """How the acceleration structure follows what moves."""
+    shading: FrameShading = field(default_factory=FrameShading)
+    """The rays of the frame itself. Its `direct` must be that of the `Sampling`."""
+    filtered: bool = True
+    """Whether pixels read the lightmaps with their level of detail."""
+    packing: Packing = field(default_factory=Packing)
+    """How the collector groups rays."""
+    blend: str = "both"
+    """One of `blender.MODES`."""
     versions: int = 2
     """Length of the flip chain, 1 to 8. What frame k's rays find is shown in frame k + versions - 1: 1 samples before
     the frame is shaded ([0085]), 2 beside it, and each further one leaves a frame more time for it."""
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """What is seen in a frame."""
+
+    scene: Scene
+    lights: Lights
+    view: View
+    gbuffer: np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,16 +109,18 @@ class Renderer:
     ):
         """`budget` is the number of rays a frame; `lightmaps` default to `unwrap(scene)`; backend as for `trace`.
 
-        The maps have no earlier version that the first frame could read, so it is made here: in up to `Sampling.priming`
-        rounds, each within the budget of a frame. `priming` 0 starts with black maps.
+        The maps have no earlier version that the first frame could read, so it is made here: in up to
+        `Sampling.priming` rounds, each within the budget of a frame. `priming` 0 starts with black maps.
 
         Raises InputError for a budget that does not pay for one texel update, for a scene without light, and for what
         the camera, the charts and the tracer refuse.
         """
         self.sampling = sampling or Sampling()
         self.pipeline = pipeline or Pipeline()
-        self.sampling.require(budget)
+        self.sampling.require(budget, scene)
         require_light(scene)
+        if self.sampling.direct != self.pipeline.shading.direct:
+            raise InputError("direct: texels and pixels must find direct light in the same way, by maps or by rays")
         self.scene, self.width, self.height, self.budget, self.seed = scene, width, height, budget, seed
         first = scene.at(0)
         self.structure = Structure(first, backend, recorder, threads, self.pipeline.structure)
@@ -100,6 +128,8 @@ class Renderer:
             # Looking for buried texels is no part of the render: its rays are not recorded.
             lightmaps = unwrap(scene, trace=Structure(scene, backend).trace)
         self.lightmaps = lightmaps
+        self.links = None if scene.coarse is None else coarse_links(lightmaps, scene)
+        self.textures = build_textures(scene.textures)
         self.fraction = fraction_bits(scene, self.sampling.balanced)
         self.maintainer = Maintainer(lightmaps, self.sampling, seed)
         self.publisher = Publisher(lightmaps)
@@ -130,7 +160,9 @@ class Renderer:
         published = self.publisher.everything(self.state)
         totals: list[int] = []
         for _ in range(self.sampling.priming):
-            done = self.maintainer.prime(self._world(scene, readable(published)), self.budget)
+            world = self._world(scene, published)
+            collector, clock = self._collector(scene), Stopwatch()
+            (done,) = run_together(collector, clock, self.maintainer.prime(world, self.budget, collector, clock))
             published = self.publisher.everything(self.state)
             self.priming_rays += sum(done.rays.values())
             totals.append(light_of(self.state["irradiance"][done.texels], self.fraction))
@@ -144,15 +176,30 @@ class Renderer:
             chain.commit(version)
         return chain
 
-    def _world(self, scene: Scene, values: np.ndarray) -> World:
-        return World(
+    def _surfaces(self, scene: Scene, published: np.ndarray) -> Surfaces:
+        """What the frame `scene` shades with, from a version of the maps."""
+        return Surfaces(
             scene=scene,
+            lightmaps=self.lightmaps,
+            irradiance=readable(published),
+            textures=self.textures,
+            links=self.links,
+            filtered=self.pipeline.filtered,
+        )
+
+    def _world(self, scene: Scene, published: np.ndarray) -> World:
+        """What maintenance meets in the frame `scene`."""
+        return World(
+            surfaces=self._surfaces(scene, published),
             lightmaps=moved_records(self.lightmaps, scene),
-            values=values,
             lights=lights_of(scene),
-            trace=self.structure.trace,
             fraction=self.fraction,
         )
+
+    def _collector(self, scene: Scene) -> Collector:
+        corners = scene.corners[scene.present[scene.object_id]]
+        low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+        return Collector(self.structure.trace, low, high, self.pipeline.packing)
 
     def frame(self) -> FrameResult:
         """Renders the next frame of the sequence."""
@@ -162,49 +209,114 @@ class Renderer:
             scene = self.scene.at(number)
             self.structure.update(scene)
             before = self.published
-            world = self._world(scene, readable(before))
+            world = self._world(scene, before)
+            collector = self._collector(scene)
         with clock("rasterize"):
             camera = scene.camera
             view = look_at(camera.position, camera.target, camera.up, camera.fov_y_tan, self.width, self.height)
-            gbuffer = draw(view, self._mesh(scene), self.pipeline.raster).gbuffer
-        maintenance = self.maintainer.run(world, number, self.budget, clock)
-        with clock("publish"):
-            self._commit(number, self.publisher.difference(before, self.state, maintenance.texels))
-        with clock("shade pixels"):
+            raster = draw(view, self._mesh(scene), self.pipeline.raster)
+        self._latest = _Drawn(scene, world.lights, view, raster.gbuffer)
+        maintain = self.maintainer.run(world, number, self.budget, collector, clock)
+        if self.pipeline.versions == 1:
+            # What this frame shows is only made by its own maintenance.
+            (maintenance,) = run_together(collector, clock, maintain)
+            self._commit(number, before, maintenance, clock)
             lightmap = self.chain.read(self._shown(number))
-            image = shade_pixels(scene, self.lightmaps, readable(lightmap), gbuffer)
+            (image,) = run_together(collector, clock, self._picture(lightmap, collector, clock))
+        else:
+            lightmap = self.chain.read(self._shown(number))
+            picture = self._picture(lightmap, collector, clock)
+            maintenance, image = run_together(collector, clock, maintain, picture)
+            self._commit(number, before, maintenance, clock)
         self.next_frame += 1
         return FrameResult(
             frame=number,
             image=image,
             scene=scene,
             view=view,
-            gbuffer=gbuffer,
+            gbuffer=raster.gbuffer,
             maintenance=maintenance,
             lightmap=lightmap,
             seconds=clock.seconds,
         )
 
+    def picture(self, result: FrameResult, published: np.ndarray) -> np.ndarray:
+        """The last frame, which `result` is, as it would be with other maps: (H, W, 3) float32.
+
+        `published` is PUBLISHED_TEXEL (texels of all levels,).
+        """
+        if result.frame != self.next_frame - 1:
+            raise ValueError(f"frame {result.frame} is over: {self.next_frame - 1} is the last one")
+        collector, clock = self._collector(result.scene), Stopwatch()
+        (image,) = run_together(collector, clock, self._picture(published, collector, clock))
+        return image
+
+    def _picture(self, published: np.ndarray, collector: Collector, clock: Stopwatch) -> Waves[np.ndarray]:
+        """The picture of the frame just drawn: what fragment shading finds, and what its rays add."""
+        drawn = self._latest
+        surfaces = self._surfaces(drawn.scene, published)
+        seed, options = self.seed, self.pipeline.shading
+        with clock("shade pixels"):
+            raster = self._fragments(surfaces, drawn)
+            rays = FrameRays(
+                surfaces,
+                drawn.view,
+                drawn.gbuffer,
+                drawn.lights,
+                self.fraction,
+                options,
+                seed=seed,
+                frame=self.next_frame,
+            )
+        while rays.emit(collector):
+            yield
+            with clock("shade rays"):
+                rays.receive(collector)
+        with clock("blend picture"):
+            weight = ray_weights(surfaces, drawn.gbuffer)
+            return blend_frame(raster, rays.buffer.values(), weight, self.pipeline.blend)
+
+    def _fragments(self, surfaces: Surfaces, drawn: "_Drawn") -> np.ndarray:
+        """What fragment shading finds at each pixel, (H, W, 3) float32.
+
+        An immediate rasterizer shades while it draws: only there does it meet the fragments that others cover later.
+        """
+        shade = partial(shade_fragments, surfaces)
+        if not self.pipeline.raster.deferred:
+            image = draw(drawn.view, self._mesh(drawn.scene), self.pipeline.raster, shade).image
+            assert image is not None
+            return image
+        image = np.zeros((*drawn.gbuffer.shape, 3), dtype=np.float32)
+        seen = drawn.gbuffer["primitive"] >= 0
+        image[seen] = shade(drawn.gbuffer[seen])
+        return image
+
     def _mesh(self, scene: Scene) -> Mesh:
+        textured = scene.textures and (scene.texture >= 0).any()
         return Mesh(
             triangles=scene.triangles,
             normals=scene.normals,
             object_id=scene.object_id,
             lightmap_uv=self.lightmaps.uv,
+            texture_uv=texel_coordinates(scene, np.arange(len(scene.triangles))) if textured else None,
         )
 
     def _shown(self, frame: int) -> int:
         """The version that a frame's shading reads: its own number, or with a chain of one what its own rays found."""
         return frame + (self.pipeline.versions == 1)
 
-    def _commit(self, frame: int, difference: Difference) -> None:
-        """Puts what frame `frame` has changed into the version after the newest; the frame before is done."""
-        if self._shown(frame):
-            self.chain.release(self._shown(frame) - 1)
-        version = self.chain.newest + 1
-        self.chain.begin(version)
-        self.chain.write(version, difference)
-        self.chain.commit(version)
+    def _commit(self, frame: int, before: np.ndarray, done: Maintenance, clock: Stopwatch) -> None:
+        """Puts what frame `frame` has changed into the version after the newest, which was `before`.
+
+        The frame before is done.
+        """
+        with clock("publish"):
+            if self._shown(frame):
+                self.chain.release(self._shown(frame) - 1)
+            version = self.chain.newest + 1
+            self.chain.begin(version)
+            self.chain.write(version, self.publisher.difference(before, self.state, done.texels))
+            self.chain.commit(version)
 
 
 def render(scene: Scene, frames: int, **options: Any) -> Iterator[FrameResult]:

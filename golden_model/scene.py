@@ -190,6 +190,11 @@ class Scene:
         return out
 
     @functools.cached_property
+    def specular(self) -> bool:
+        """Whether any triangle is a mirror or glass."""
+        return bool((self.surface[self.material] != DIFFUSE).any())
+
+    @functools.cached_property
     def brightest(self) -> float:
         """The largest radiance that any triangle emits in any frame, of any colour; 0 if none does."""
         scene = self if self.rest is None else self.rest

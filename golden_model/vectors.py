@@ -40,6 +40,12 @@ def subtract(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 @quiet
+def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a * b, component by component."""
+    return flush(a * b)
+
+
+@quiet
 def normalize(a: np.ndarray) -> np.ndarray:
     """a / |a|, each component divided by the root; for lengths between 1e-18 and 1e18, a zero vector gives NaN."""
     return flush(a / np.sqrt(dot(a, a))[..., None])

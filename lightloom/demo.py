@@ -56,13 +56,14 @@ def demo(options: DemoOptions, out: Path, progress: Progress) -> dict[str, Any]:
     from sim.toolchain import compiler, verilator
 
     sampling = Sampling(directions=options.directions, light_samples=options.light_samples)
-    sampling.require(options.budget)
+    scene = looped(load_scene("cornell-box"), options.frames)
+    sampling.require(options.budget, scene)
     verilator(), compiler()  # what is missing is better known before the render than after it
     with whole_folder(out) as folder:
         recorder = TestRecorder(options.replay_limit, options.seed)
         with progress.stage("Charts and first light"):
             renderer = Renderer(
-                looped(load_scene("cornell-box"), options.frames),
+                scene,
                 width=options.width * options.supersample,
                 height=options.height * options.supersample,
                 budget=options.budget,

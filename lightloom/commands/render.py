@@ -78,9 +78,9 @@ def render(
     from lightloom.sequence import Pictures, contact_sheet, render_sequence
 
     sampling = Sampling(directions=directions, light_samples=light_samples)
-    sampling.require(budget)
     loaded = load_scene(scene)
     require_light(loaded)  # before the charts, which may take a while
+    sampling.require(budget, loaded)
     with Progress() as progress, whole_folder(out) as folder:
         with progress.stage("Charts"):
             tracer = partial(trace, build(loaded.triangles), backend=backend)
