@@ -146,3 +146,26 @@ BLEND = np.dtype(
 BLENDED = np.dtype(
     [("irradiance", F4, (3,)), ("count", bits(8)), ("heavy", bits(3)), ("noticed", BOOL), ("deviation", bits(12))]
 )
+
+# --- influence ----------------------------------------------------------------------------------------------------
+# Where something that changed can matter to light ([0079] to [0083]). `kind` is 0 for a volume, 1 for a shadow, 2 for a
+# footprint; `object` what changed (-1: a point light), `level` the highest change level it causes, `surface` the object
+# whose map alone it concerns (-1: all), `facing` says that only texels turned towards the box count. A volume is the box
+# from `low` to `high` with its reach beyond each side. A shadow is the box that may lie between a texel and the light
+# around `light`, of half the size `light_half`, by which the box is larger already. A footprint is the ball around `low`
+# of radius `reach_low`.
+INFLUENCE = np.dtype(
+    [
+        ("kind", bits(2)),
+        ("facing", BOOL),
+        ("level", bits(2)),
+        ("object", I4),
+        ("surface", I4),
+        ("low", F4, (3,)),
+        ("high", F4, (3,)),
+        ("reach_low", F4, (3,)),
+        ("reach_high", F4, (3,)),
+        ("light", F4, (3,)),
+        ("light_half", F4, (3,)),
+    ]
+)

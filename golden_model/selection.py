@@ -1,11 +1,29 @@
-"""Which texels are sampled in a frame: for now all of them in turn, as many as the budget pays for.
+"""Which texels are sampled in a frame, in which order, and how much ([0066] to [0083]).
 
-This is the room of the selection policy: visibility, age, variability and influence ([0068] to [0083]) move in here.
+`Selector` looks at visibility, variability, change, age and level of detail, gives every texel a class, and shares the
+updates that the budget pays for among the classes, with a part for a round of all visible texels and one for a round of
+all. It reads every texel once a frame, in a fixed order, and has counters and cursors; nothing is sorted.
+docs/selection.md describes it, with all that is read and written.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 
+from golden_model.camera import View
+from golden_model.footprints import footprints
+from golden_model.influence import volumes
+from golden_model.influenced import loose_bounds, texel_levels, touched
 from golden_model.lightmap import VALID, Lightmaps
+from golden_model.map_windows import Windows
+from golden_model.policy import CLASSES, SHARE, Policy
+from golden_model.priority import Share, class_table, needs, quotas
+from golden_model.rotation import Rotation
+from golden_model.scene import Scene
+from golden_model.scene_changes import table_of
+from golden_model.tracer import Trace
+from golden_model.variability import Variability
+from golden_model.visibility import LIKELY, SEEN, Sight, Visibility
 
 
 def coarse_to_fine(lightmaps: Lightmaps) -> np.ndarray:
@@ -46,3 +64,202 @@ class RoundRobin:
         chosen = self.order[(self.next + np.arange(count)) % len(self.order)]
         self.next = (self.next + count) % len(self.order)
         return chosen
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameContext:
+    """What a frame's selection looks at."""
+
+    frame: int
+    """Its number, 0 or more."""
+    before: Scene
+    """The scene of the frame before; of the first frame the same as `after`."""
+    after: Scene
+    """The scene of this frame."""
+    lightmaps: Lightmaps
+    """With the records of this frame's pose (`motion.moved_records`)."""
+    state: np.ndarray
+    """TEXEL_STATE (N,) before the frame's updates."""
+    values: np.ndarray | None = None
+    """The irradiance that is shown, level 0, (N, 3) float32; None: contrast within the map is not looked at."""
+    view: View
+    gbuffer: np.ndarray
+    """GBUFFER (H, W) of the view."""
+    predicted: tuple[View, np.ndarray] | None = None
+    """A view to come (`prediction.predicted_view`) and its GBUFFER; None: nothing is predicted."""
+    trace: Trace | None = None
+    """Traces this frame's scene; None: no ray decides on visibility, and there are no footprints."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """The selection of a frame, of N texels."""
+
+    texel: np.ndarray
+    """The texels to update, each once, the most urgent first, (M,) int64."""
+    spare: np.ndarray
+    """Further ones, in this order, for budget that is left over, (S,) int64; none of them in `texel`."""
+    spare_class: np.ndarray
+    """Their classes, (S,) int64."""
+    rays: dict[str, int]
+    """Rays already traced for the selection: "visibility", "footprints"."""
+    priority: np.ndarray
+    """Class of each texel, 0 to 15, (N,) uint8; 0 for those that are not valid. So with all that follows."""
+    degree: np.ndarray
+    """Likelihood to be seen, `visibility.UNSEEN` to SEEN, (N,) uint8."""
+    lod: np.ndarray
+    """Level of detail at which it is seen, 0 to 3, (N,) uint8."""
+    bins: np.ndarray
+    """Variability after widening, 0 to 3, (N,) uint8."""
+    influence: np.ndarray
+    """Change level by influence records, 0 to 3, (N,) uint8."""
+    change: np.ndarray
+    """Change level by influence, by what texels noticed, and by updates still to come after a change, (N,) uint8."""
+    heavy: np.ndarray
+    """Texels whose next samples are to weigh more, (N,) bool."""
+    forget: np.ndarray
+    """Texels that drop their old value if they are sampled in this frame, (N,) bool."""
+    records: np.ndarray
+    """INFLUENCE (K,) of this frame."""
+    touched: np.ndarray
+    """Lightmaps that any of them may reach, (O,) bool."""
+
+    def mark(self, state: np.ndarray, texel: np.ndarray, policy: Policy) -> None:
+        """Prepares TEXEL_STATE (N,), in place, for the updates of `texel` (M,): heavy weights, values to be dropped."""
+        state["heavy"][self.heavy] = policy.heavy_updates
+        dropped = texel[self.forget[texel]]
+        state["count"][dropped] = 0
+
+
+class Selector:
+    """The selection of one scene's lightmaps over a sequence of frames."""
+
+    def __init__(self, lightmaps: Lightmaps, scene: Scene, policy: Policy | None = None):
+        """Lightmaps and scene at rest."""
+        self.policy = policy or Policy()
+        self.order = coarse_to_fine(lightmaps)
+        """The texels in the order in which they are read and take their turns, (V,) int64."""
+        self._table = table_of(scene)
+        self._classes = class_table(self.policy)
+        windows = Windows(lightmaps)
+        self._windows = windows
+        self._visibility = Visibility(windows, self.order, self.policy)
+        self._variability = Variability(lightmaps, windows, self.policy)
+        self._sweep, self._probe = Rotation(), Rotation()
+        self._sweep_share, self._probe_share = Share(self.policy.sweep), Share(self.policy.probe)
+        self._turns = [Rotation() for _ in range(CLASSES)]
+        self._place = np.zeros(len(lightmaps.texels), dtype=np.int64)
+        self._place[self.order] = np.arange(len(self.order))
+
+    def plan(self, context: FrameContext, budget: int, cost: int = 1) -> Plan:
+        """The texels of a frame: `budget` rays pay for the rays that are traced here and `cost` >= 1 a texel.
+
+        So len(texel) * cost + the rays traced <= budget.
+        """
+        policy, maps = self.policy, context.lightmaps
+        valid = np.zeros(len(maps.texels), dtype=bool)
+        valid[self.order] = maps.texels["state"][self.order] == VALID
+        allowed = budget * policy.rays_share // SHARE
+        certain = (budget - allowed) // cost
+        records, footprint_rays = self._changes(context, allowed)
+        boxes = loose_bounds(self._table, context.after, policy)
+        influence = texel_levels(records, boxes, maps, valid)
+        sight, visibility_rays = self._look(context, valid, allowed - footprint_rays)
+        bins = self._variability.look(context.state, context.values, valid)
+        noticed, believed = self._noticed(context.state, valid)
+        change = np.maximum(influence, noticed)
+        change = np.where(valid & (context.state["heavy"] > 0), np.uint8(3), change)
+        priority = self._classes[sight.lod, needs(context.state, context.frame, policy), bins, change, sight.degree]
+        priority[~valid] = 0
+        urgent = valid & ((influence >= policy.heavy_level) | believed)
+
+        updates = (budget - footprint_rays - visibility_rays) // cost
+        chosen, spare = self._share_out(valid, sight.degree, priority, updates, certain)
+        return Plan(
+            texel=chosen,
+            spare=spare,
+            spare_class=priority[spare].astype(np.int64),
+            rays={"visibility": visibility_rays, "footprints": footprint_rays},
+            priority=priority,
+            degree=sight.degree,
+            lod=sight.lod,
+            bins=bins,
+            influence=influence,
+            change=change,
+            heavy=urgent & (not policy.invalidate),
+            forget=urgent & policy.invalidate,
+            records=records,
+            touched=touched(records, boxes).any(axis=0),
+        )
+
+    def spend(self, plan: Plan, count: int) -> None:
+        """Says that the first `count` of the plan's spare texels are updated too: their turns have passed."""
+        for texel, rank in zip(plan.spare[:count], plan.spare_class[:count], strict=True):
+            self._turns[rank].pass_over(int(self._place[texel]))
+
+    def _changes(self, context: FrameContext, rays: int) -> tuple[np.ndarray, int]:
+        """INFLUENCE (K,) of this frame, and the rays traced for them."""
+        policy = self.policy
+        records = volumes(self._table, context.before, context.after, policy)
+        if policy.influence != "footprints" or context.trace is None:
+            return records, 0
+        found, traced = footprints(self._table, context.before, context.after, policy, context.trace, rays)
+        return np.concatenate([records, found]), traced
+
+    def _look(self, context: FrameContext, valid: np.ndarray, rays: int) -> tuple[Sight, int]:
+        if not self.policy.visibility:
+            everything = np.where(valid, np.uint8(SEEN), np.uint8(0))
+            return Sight(degree=everything, lod=np.zeros(len(valid), dtype=np.uint8)), 0
+        return self._visibility.look(
+            context.lightmaps.texels,
+            valid,
+            context.view,
+            context.gbuffer,
+            context.after.texel_size,
+            predicted=context.predicted,
+            trace=context.trace,
+            offset=context.after.offset,
+            rays=rays,
+        )
+
+    def _noticed(self, state: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Change levels around texels that noticed one, (N,) uint8, and where the change is believed, (N,) bool."""
+        policy = self.policy
+        noticed = (state["noticed"] & valid).astype(np.uint8)
+        if not (policy.notice and noticed.any()):
+            return np.zeros(len(valid), dtype=np.uint8), np.zeros(len(valid), dtype=bool)
+        near = self._windows.largest(noticed, policy.notice_radius)
+        far = self._windows.largest(near, policy.notice_radius)
+        believed = (noticed > 0) & (self._windows.total(noticed) >= policy.notice_votes)
+        return noticed + near + far, believed
+
+    def _share_out(
+        self, valid: np.ndarray, degree: np.ndarray, priority: np.ndarray, updates: int, certain: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The texels of `updates` updates, and those to spare; shares are reckoned from `certain` <= `updates`."""
+        policy, order = self.policy, self.order
+        free = valid[order]
+        parts = []
+
+        def take(places: np.ndarray) -> None:
+            free[places] = False
+            parts.append(order[places])
+
+        take(self._probe.take(free, self._probe_share.of(certain, updates)))
+        left = updates - len(parts[0])
+        take(self._sweep.take(free & (degree[order] >= LIKELY), self._sweep_share.of(certain, left)))
+        left -= len(parts[1])
+
+        rank = priority[order]
+        members = np.bincount(rank[free], minlength=CLASSES).tolist()
+        quota = quotas(members, left)
+        more = quotas([n - q for n, q in zip(members, quota, strict=True)], updates * policy.spare // SHARE)
+        spares = []
+        for c in reversed(range(CLASSES)):
+            if quota[c] + more[c]:
+                places = self._turns[c].upcoming(free & (rank == c), quota[c] + more[c])
+                if quota[c]:
+                    self._turns[c].pass_over(int(places[quota[c] - 1]))
+                parts.append(order[places[: quota[c]]])
+                spares.append(order[places[quota[c] :]])
+        return np.concatenate(parts), np.concatenate([order[:0], *spares])
