@@ -1,16 +1,16 @@
 """Converged lightmaps of the frames of a scene: what maintenance under a budget is compared with.
 
-Every valid texel is sampled in rounds, with many rays, each round reading the maps that the rounds before have made:
-a bounce of light a round. The mean of the later half of the rounds counts. A frame starts from the maps of the frame
-that was asked for before it, so that asking in order is cheapest in what remains to be settled. This is no part of the
-frame loop and knows no budget.
+Every valid texel is sampled in rounds, each of which reads the maps that the rounds before have made: a bounce of light
+a round. With few rays first, until the light of all maps together hardly changes any more, then with many: the mean of
+these rounds counts. A frame starts from the maps of the frame that was asked for before it, so asking in order is
+cheapest. This is no part of the frame loop and knows no budget.
 """
 
 from dataclasses import replace
 
 import numpy as np
 
-from golden_model.accumulation import fraction_bits
+from golden_model.accumulation import fraction_bits, light_of
 from golden_model.collector import Collector
 from golden_model.errors import InputError
 from golden_model.formats import TEXEL_STATE
@@ -28,7 +28,13 @@ from golden_model.textures import build_textures
 from golden_model.waves import run_together
 
 ROUNDS = 8
-"""Of every frame."""
+"""That are averaged."""
+SETTLING = 32
+"""Rounds before them, at most."""
+SETTLING_DIRECTIONS = 16
+"""Rays of a texel in each of those, at most."""
+SETTLED_BITS = 11
+"""They end when the light of all maps changes by less than 2**-SETTLED_BITS in a round."""
 BATCH = 4096
 """Texels sampled at a time: bounds the memory."""
 
@@ -56,6 +62,8 @@ class Reference:
         self.scene, self.lightmaps, self.seed = scene, lightmaps, seed
         directions = rays // ROUNDS
         self.sampling = Sampling(directions=directions, light_samples=max(directions // 2, 1))
+        few = min(directions, SETTLING_DIRECTIONS)
+        self.settling = replace(self.sampling, directions=few, light_samples=max(few // 2, 1))
         self.structure = Structure(scene.at(0), backend, None, threads)
         self.fraction = fraction_bits(scene, self.sampling.balanced)
         self.publisher = Publisher(lightmaps)
@@ -85,19 +93,27 @@ class Reference:
         lights = lights_of(scene)
         corners = scene.corners[scene.present[scene.object_id]]
         collector = Collector(self.structure.trace, corners.min(axis=(0, 1)), corners.max(axis=(0, 1)))
-        samples: list[np.ndarray] = []
-        for number in range(ROUNDS):
+        total = np.zeros((len(texel), 3))
+        light, settled, rounds = 0, False, 0
+        number = 0
+        while rounds < ROUNDS:
             world = World(surfaces=surfaces, lightmaps=lightmaps, lights=lights, fraction=self.fraction)
-            samples.append(self._round(world, collector, texel, number))
-            later = samples[len(samples) // 2 :]
-            total = later[0].astype(np.float64)
-            for one in later[1:]:
-                total = total + one
-            state["irradiance"][texel] = total / len(later)
+            settled = settled or number == SETTLING
+            sample = self._round(world, collector, texel, number, self.sampling if settled else self.settling)
+            if settled:
+                total = total + sample
+                rounds += 1
+                sample = (total / rounds).astype(np.float32)
+            before, light = light, light_of(sample, self.fraction)
+            settled = settled or abs(light - before) << SETTLED_BITS <= light
+            state["irradiance"][texel] = sample
             self._published = self.publisher.everything(state)
             surfaces = replace(surfaces, irradiance=readable(self._published))
+            number += 1
 
-    def _round(self, world: World, collector: Collector, texel: np.ndarray, number: int) -> np.ndarray:
+    def _round(
+        self, world: World, collector: Collector, texel: np.ndarray, number: int, sampling: Sampling
+    ) -> np.ndarray:
         """A sample of the irradiance of each texel (M,), (M, 3) float32."""
         parts = [np.zeros((0, 3), dtype=np.float32)]
         for begin in range(0, len(texel), BATCH):
@@ -109,6 +125,6 @@ class Reference:
                 seed=self.seed,
             )
             clock = Stopwatch()
-            (gathered,) = run_together(collector, clock, gather(world, update, self.sampling, collector, clock))
+            (gathered,) = run_together(collector, clock, gather(world, update, sampling, collector, clock))
             parts.append(gathered.irradiance)
         return np.concatenate(parts)
