@@ -1,0 +1,237 @@
+"""Scenes of frames: what moves, what stays, what every frame has in common, and what has changed between two."""
+
+from dataclasses import fields
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from golden_model import bvh, traversal
+from golden_model.charts import unwrap
+from golden_model.cornell_box import cornell_box
+from golden_model.lightmap import BURIED, EMPTY, VALID, Lightmaps
+from golden_model.motion import Kind, changes, moved_records
+from golden_model.scene import Scene, require_light
+from tests.golden_model.moving_scenes import MOVING, ROOM, scene_of
+
+
+@pytest.fixture(scope="module")
+def moving(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    return scene_of(tmp_path_factory.mktemp("moving"), MOVING)
+
+
+@pytest.fixture(scope="module")
+def maps(moving: Scene) -> Lightmaps:
+    return unwrap(moving, trace=partial(traversal.trace, bvh.build(moving.triangles)))
+
+
+def of(scene: Scene, name: str) -> np.ndarray:
+    """Corners of an object's triangles."""
+    return scene.corners[scene.object_id == scene.object_names.index(name)]
+
+
+def test_a_static_scene_is_its_own_frames() -> None:
+    scene = cornell_box()
+    frame = scene.at(30)
+    assert not scene.dynamic
+    assert frame.camera.position.tolist() == scene.camera_path[1].position.tolist()
+    for name in ("triangles", "normals", "emission", "point_lights", "rotation"):
+        assert getattr(frame, name) is getattr(scene, name), name
+    assert frame.at(0).camera.position.tolist() == scene.camera.position.tolist()
+
+
+def test_a_scene_without_any_path_is_the_same_object(tmp_path: Path) -> None:
+    scene = scene_of(tmp_path, ROOM)
+    assert scene.at(17) is scene
+    assert scene.last_frame == 0
+
+
+def test_frames_can_be_asked_for_in_any_order(moving: Scene) -> None:
+    direct, detour = moving.at(7), moving.at(3).at(11).at(7)
+    for item in fields(Scene):
+        one, other = getattr(direct, item.name), getattr(detour, item.name)
+        if isinstance(one, np.ndarray):
+            assert one.tobytes() == other.tobytes(), item.name
+    assert direct.frame == 7
+    assert direct.rest is moving
+    assert moving.last_frame == 12
+
+
+def test_objects_go_where_their_keyframes_say(moving: Scene) -> None:
+    middle = of(moving.at(6), "ball").reshape(-1, 3)
+    assert np.allclose((middle.min(axis=0) + middle.max(axis=0)) / 2, [0.5, 1.25, 0.5], atol=0.02)
+    assert np.allclose(np.linalg.norm(middle - [0.5, 1.25, 0.5], axis=1), 0.7, atol=1e-6), "still a ball"
+    assert (of(moving.at(12), "ball") == of(moving, "ball")).all(), "the loop ends where it began"
+    # The door turns by 90 degrees about its edge at x = 2, z = -1: from along -x to along +z.
+    door = of(moving.at(6), "door").reshape(-1, 3)
+    assert np.allclose(door.min(axis=0), [1.95, 0, -1], atol=1e-6)
+    assert np.allclose(door.max(axis=0), [2.05, 2, 0], atol=1e-6)
+    for name in ("floor", "wall", "lamp"):
+        assert of(moving.at(6), name).tobytes() == of(moving, name).tobytes(), name
+
+
+def test_normals_turn_with_their_triangles(moving: Scene) -> None:
+    frame = moving.at(5)
+    corners = of(frame, "ball").astype(np.float64)
+    normals = frame.normals[frame.object_id == frame.object_names.index("ball")]
+    middle = corners.reshape(-1, 3)
+    centre = (middle.min(axis=0) + middle.max(axis=0)) / 2
+    assert np.abs(normals - (corners - centre) / 0.7).max() < 0.03
+    assert np.abs(np.linalg.norm(normals, axis=2) - 1).max() < 1e-6
+
+
+def test_absent_objects_are_nowhere(moving: Scene) -> None:
+    frame = moving.at(9)
+    assert np.isnan(of(frame, "door")).all()
+    assert frame.present.tolist() == [name != "door" for name in frame.object_names]
+    assert np.isfinite(of(moving.at(11), "door")).all()
+
+
+def test_emission_and_lights_follow_their_keyframes(moving: Scene) -> None:
+    lamp = moving.object_names.index("lamp")
+    assert moving.at(0).emission[moving.material_object == lamp].tolist() == [[8, 6, 4]]
+    assert moving.at(6).emission[moving.material_object == lamp].tolist() == [[5, 3.75, 2.5]]
+    assert moving.at(99).glow[lamp] == 0.25
+    light = moving.at(5).point_lights[0]
+    assert light["position"].tolist() == [1, 2, 2]
+    assert light["intensity"].tolist() == [0.5, 1.5, 2.5]
+
+
+def test_what_numbers_are_scaled_by_holds_in_every_frame(tmp_path: Path) -> None:
+    far = """
+[[box]]
+center = [1, 1, 0]
+size = [1, 1, 1]
+emission = [1, 1, 1]
+[[box.path]]
+frame = 0
+emission = 0
+[[box.path]]
+frame = 10
+translate = [40, 0, 0]
+rotate = [1, 0.2, 0.3, 0.4]
+emission = 32
+[[point_light]]
+position = [0, 1, 0]
+intensity = [0, 0, 0]
+[[point_light.path]]
+frame = 0
+[[point_light.path]]
+frame = 3
+intensity = [7, 0, 0]
+"""
+    scene = scene_of(tmp_path, ROOM + far)
+    assert scene.offset == scene.at(0).offset == scene.at(10).offset
+    for frame in range(0, 13, 2):
+        moved = scene.at(frame)
+        assert np.nanmax(np.abs(moved.corners)) <= scene.reach
+        assert moved.emission.max() <= scene.brightest
+        assert moved.point_lights["intensity"].max(initial=0) <= scene.brightest_lights
+    assert scene.brightest == moved.brightest == 32
+    assert scene.brightest_lights == 7
+    require_light(scene)
+
+
+def test_records_move_with_their_objects(moving: Scene, maps: Lightmaps) -> None:
+    ball = moving.object_names.index("ball")
+    for frame in (0, 5, 9):
+        moved = moved_records(maps, moving.at(frame))
+        texels = moved.texels[moved.texels["object"] == ball]
+        texels = texels[texels["state"] == VALID]
+        corners = of(moving.at(frame), "ball").reshape(-1, 3)
+        centre = (corners.min(axis=0) + corners.max(axis=0)) / 2
+        out = texels["position"] - centre
+        assert len(texels) > 50
+        assert np.linalg.norm(out, axis=1).max() < 0.72
+        assert (out * texels["normal"]).sum(axis=1).min() > 0.6
+        assert np.abs((texels["normal"] * texels["tangent"]).sum(axis=1)).max() < 1e-5
+    still = moved.texels["object"] == moving.object_names.index("floor")
+    assert moved.texels[still].tobytes() == maps.texels[still].tobytes()
+
+
+def test_absent_objects_have_no_valid_texels(moving: Scene, maps: Lightmaps) -> None:
+    door = maps.texels["object"] == moving.object_names.index("door")
+    assert (maps.texels["state"][door] == VALID).any()
+    gone = moved_records(maps, moving.at(9))
+    assert not (gone.texels["state"][door] == VALID).any()
+    assert (gone.texels["state"][~door] == maps.texels["state"][~door]).all()
+    back = moved_records(maps, moving.at(11))
+    assert (back.texels["state"] == maps.texels["state"]).all()
+
+
+BLOCK = '[[box]]\nname = "block"\ncenter = [0, 0.5, 0]\nsize = [1, 1, 1]\n'
+
+
+@pytest.mark.parametrize(
+    ("motion", "hidden"), [("", True), ("[[box.path]]\nframe = 3\ntranslate = [1, 0, 0]\n", False)]
+)
+def test_only_what_stays_buries_texels(tmp_path: Path, motion: str, hidden: bool) -> None:
+    """The floor under a block is never seen, unless the block can move away."""
+    scene = scene_of(tmp_path, ROOM + BLOCK + motion)
+    maps = unwrap(scene, trace=partial(traversal.trace, bvh.build(scene.triangles)))
+    texels = maps.texels[maps.texels["object"] == scene.object_names.index("floor")]
+    under = (np.abs(texels["position"][:, [0, 2]]) < 0.4).all(axis=1) & (texels["state"] != EMPTY)
+    assert under.sum() > 4
+    assert (texels["state"][under] == (BURIED if hidden else VALID)).all()
+
+
+def test_mirrors_and_glass_have_no_texels(tmp_path: Path) -> None:
+    ball = '[[sphere]]\ncenter = [0, 1, 0]\nradius = 0.5\nsubdivisions = 1\nmaterial = "glass"\n'
+    scene = scene_of(tmp_path, ROOM + ball)
+    number = scene.object_names.index("sphere")
+    assert scene.lightmapped.tolist() == [True, True, True, False]
+    maps = unwrap(scene)
+    mine = maps.texels["object"] == number
+    assert mine.sum() == 1
+    assert maps.texels["state"][mine] == EMPTY
+    assert maps.fill[mine] == -1
+
+
+# --- changes ------------------------------------------------------------------------------------------------------
+
+
+def test_changes_name_what_differs(moving: Scene) -> None:
+    names = moving.object_names
+    found = {names[c.object] if c.object >= 0 else "light": c for c in changes(moving.at(8), moving.at(9))}
+    assert {name: c.kind for name, c in found.items()} == {
+        "ball": Kind.MOVED,
+        "door": Kind.VANISHED,
+        "light": Kind.MOVED | Kind.RELIT,
+    }
+    door, ball = found["door"], found["ball"]
+    assert door.after is None
+    assert door.before is not None
+    assert np.allclose(door.before[1] - door.before[0], [0.1, 2, 1], atol=1e-6)
+    assert ball.before is not None
+    assert ball.after is not None
+    corners = of(moving.at(9), "ball").reshape(-1, 3)
+    assert ball.after.tolist() == [corners.min(axis=0).tolist(), corners.max(axis=0).tolist()]
+    assert ball.albedo == np.float32(0.7)
+    assert found["light"].light == 0
+
+
+def test_changes_of_emission_tell_how_much(moving: Scene) -> None:
+    (lamp,) = [c for c in changes(moving.at(4), moving.at(8)) if c.object == moving.object_names.index("lamp")]
+    assert lamp.kind == Kind.RELIT
+    assert (lamp.emission, lamp.difference) == (8, 6)
+    assert lamp.before is not None
+    assert lamp.after is not None
+    assert lamp.before.tolist() == lamp.after.tolist()
+
+
+def test_what_appears_and_shines_is_both(tmp_path: Path) -> None:
+    lamp = '[[box]]\nname = "bulb"\ncenter = [0, 1, 0]\nsize = [1, 1, 1]\nemission = [3, 2, 1]\n'
+    path = "[[box.path]]\nframe = 0\npresent = false\n[[box.path]]\nframe = 5\npresent = true\n"
+    scene = scene_of(tmp_path, ROOM + lamp + path)
+    (bulb,) = changes(scene.at(4), scene.at(5))
+    assert bulb.kind == Kind.APPEARED | Kind.RELIT
+    assert bulb.before is None
+    assert bulb.difference == 3
+    assert changes(scene.at(5), scene.at(6)) == []
+    assert changes(scene.at(0), scene.at(4)) == []
+
+
+def test_nothing_changes_in_a_static_scene() -> None:
+    scene = cornell_box()
+    assert changes(scene.at(0), scene.at(60)) == []
