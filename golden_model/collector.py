@@ -130,6 +130,12 @@ class Collector:
         """HIT (N,) of the rays emitted for `ticket`, in their order; valid from one `run` to the next."""
         return self._results[ticket]
 
+    def now(self, emitter: str, rays: np.ndarray, *, any_hit: bool = False) -> np.ndarray:
+        """HIT (N,) of RAY (N,) at once, in a wave of their own with whatever else waits."""
+        ticket = self.emit(emitter, rays, any_hit=any_hit)
+        self.run()
+        return self.hits(ticket)
+
     def collections(self, rays: np.ndarray, *, any_hit: bool = False, coarse: bool = False) -> list[np.ndarray]:
         """The collections that RAY (N,) would come to by themselves, in order of leaving: numbers of rays each."""
         order, begins = self._pack(self._keys(rays, np.full(len(rays), any_hit + 2 * coarse, dtype=np.uint32)))

@@ -1,5 +1,6 @@
 """Lightmap maintenance: texels are chosen, sampled by rays, and blended ([0042], [0058], FIG. 7, claims 1 to 8)."""
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +10,10 @@ from golden_model.collector import Collector
 from golden_model.formats import TEXEL_STATE
 from golden_model.gather import Sampling, World, gather
 from golden_model.lightmap import Lightmaps
+from golden_model.policy import Policy
 from golden_model.sampling import Update
-from golden_model.selection import RoundRobin, coarse_to_fine
+from golden_model.scene import Scene
+from golden_model.selection import FrameContext, Plan, Selector
 from golden_model.stopwatch import Stopwatch
 from golden_model.waves import Waves
 
@@ -22,35 +25,59 @@ class Maintenance:
     texels: np.ndarray
     """Numbers of the texels updated, each once, in the order of their updates, (M,) int64."""
     rays: dict[str, int]
-    """Rays traced by kind: "indirect", "shadow"; together at most the budget."""
+    """Rays traced by kind: "indirect", "specular" (on from mirrors and glass), "shadow", "visibility", "footprints";
+    together at most the budget."""
+    plan: Plan
+    """Why these texels."""
 
 
 class Maintainer:
     """The maintained texels of a scene's lightmaps and the policy that chooses among them."""
 
-    def __init__(self, lightmaps: Lightmaps, sampling: Sampling, seed: int):
-        self.sampling, self.seed = sampling, seed
+    def __init__(self, lightmaps: Lightmaps, scene: Scene, sampling: Sampling, policy: Policy, seed: int):
+        """Lightmaps and scene at rest."""
+        self.sampling, self.policy, self.seed = sampling, policy, seed
         self.state = np.zeros(len(lightmaps.texels), dtype=TEXEL_STATE)
         """TEXEL_STATE (N,)."""
-        self._selection = RoundRobin(coarse_to_fine(lightmaps))
+        self.selector = Selector(lightmaps, scene, policy)
 
-    def prime(self, world: World, budget: int, collector: Collector, clock: Stopwatch) -> Waves[Maintenance]:
+    def prime(
+        self, world: World, budget: int, collector: Collector, clock: Stopwatch
+    ) -> Waves[tuple[np.ndarray, dict[str, int]]]:
         """One round before the first frame: the first texels of the order, as many as a frame pays for, sampled anew.
 
-        Values of an earlier round are dropped.
+        Values of an earlier round are dropped. Returns the texels and the rays traced by kind.
         """
         self.state["count"] = 0
         self.state["number"] = 0
-        self._selection.next = 0
-        return self.run(world, 0, budget, collector, clock)
+        texel = self.selector.order[: budget // self.sampling.reserve(world.scene.specular)]
+        rays = yield from self._update(world, texel, 0, collector, clock)
+        return texel, rays
 
-    def run(self, world: World, frame: int, budget: int, collector: Collector, clock: Stopwatch) -> Waves[Maintenance]:
-        """Updates texels by at most `budget` rays."""
+    def run(
+        self, world: World, context: FrameContext, budget: int, collector: Collector, clock: Stopwatch
+    ) -> Waves[Maintenance]:
+        """Updates texels by at most `budget` rays.
+
+        Every update reserves the most rays that it can take. What turns out not to be needed pays for further rounds.
+        """
         reserve = self.sampling.reserve(world.scene.specular)
         with clock("select"):
-            texel = self._selection.select(budget, reserve)
-        rays = yield from self._update(world, texel, frame, collector, clock)
-        return Maintenance(texels=texel, rays=rays)
+            plan = self.selector.plan(context, budget, reserve)
+            plan.mark(self.state, self.policy.heavy_updates)
+        rays = Counter(plan.rays)
+        waiting = np.concatenate([plan.texel, plan.spare])
+        count, updated = len(plan.texel), 0
+        for _ in range(self.sampling.rounds):
+            texel = waiting[updated : updated + count]
+            plan.forget_old(self.state, texel)
+            rays.update((yield from self._update(world, texel, context.frame, collector, clock)))
+            updated += len(texel)
+            count = (budget - rays.total()) // reserve
+            if not count or updated == len(waiting):
+                break
+        self.selector.spend(plan, updated - len(plan.texel))
+        return Maintenance(texels=waiting[:updated], rays=dict(rays), plan=plan)
 
     def _update(
         self, world: World, texel: np.ndarray, frame: int, collector: Collector, clock: Stopwatch

@@ -17,7 +17,7 @@ from golden_model.blender import blend_frame
 from golden_model.camera import View, look_at
 from golden_model.charts import unwrap
 from golden_model.coarse import coarse_links
-from golden_model.collector import Collector, Packing
+from golden_model.collector import MAINTENANCE, Collector, Packing
 from golden_model.errors import InputError
 from golden_model.flip_chain import FlipChain
 from golden_model.forest import ForestOptions
@@ -27,10 +27,13 @@ from golden_model.lightmap import Lightmaps
 from golden_model.lights import Lights, lights_of
 from golden_model.maintenance import Maintainer, Maintenance
 from golden_model.motion import moved_records
+from golden_model.policy import Policy
+from golden_model.prediction import predicted_view
 from golden_model.publish import Publisher
 from golden_model.rasterizer import Mesh, Rasterization, draw
 from golden_model.recorder import TestRecorder
 from golden_model.scene import Scene, require_light
+from golden_model.selection import FrameContext
 from golden_model.shading import Surfaces, ray_weights, readable, shade_fragments
 from golden_model.stopwatch import Stopwatch
 from golden_model.structure import Structure
@@ -101,6 +104,7 @@ class Renderer:
         budget: int,
         seed: int = 0,
         sampling: Sampling | None = None,
+        policy: Policy | None = None,
         pipeline: Pipeline | None = None,
         lightmaps: Lightmaps | None = None,
         backend: str = "auto",
@@ -116,6 +120,7 @@ class Renderer:
         the camera, the charts and the tracer refuse.
         """
         self.sampling = sampling or Sampling()
+        self.policy = policy or Policy()
         self.pipeline = pipeline or Pipeline()
         self.sampling.require(budget, scene)
         require_light(scene)
@@ -131,7 +136,7 @@ class Renderer:
         self.links = None if scene.coarse is None else coarse_links(lightmaps, scene)
         self.textures = build_textures(scene.textures)
         self.fraction = fraction_bits(scene, self.sampling.balanced)
-        self.maintainer = Maintainer(lightmaps, self.sampling, seed)
+        self.maintainer = Maintainer(lightmaps, scene, self.sampling, self.policy, seed)
         self.publisher = Publisher(lightmaps)
         self.next_frame = 0
         """Number of the frame that `frame` renders next."""
@@ -162,10 +167,11 @@ class Renderer:
         for _ in range(self.sampling.priming):
             world = self._world(scene, published)
             collector, clock = self._collector(scene), Stopwatch()
-            (done,) = run_together(collector, clock, self.maintainer.prime(world, self.budget, collector, clock))
+            prime = self.maintainer.prime(world, self.budget, collector, clock)
+            ((texels, rays),) = run_together(collector, clock, prime)
             published = self.publisher.everything(self.state)
-            self.priming_rays += sum(done.rays.values())
-            totals.append(light_of(self.state["irradiance"][done.texels], self.fraction))
+            self.priming_rays += sum(rays.values())
+            totals.append(light_of(self.state["irradiance"][texels], self.fraction))
             if settled(totals):
                 break
         chain = FlipChain(published, self.pipeline.versions)
@@ -216,7 +222,9 @@ class Renderer:
             view = look_at(camera.position, camera.target, camera.up, camera.fov_y_tan, self.width, self.height)
             raster = draw(view, self._mesh(scene), self.pipeline.raster)
         self._latest = _Drawn(scene, world.lights, view, raster.gbuffer)
-        maintain = self.maintainer.run(world, number, self.budget, collector, clock)
+        with clock("predict"):
+            context = self._context(number, world, raster.gbuffer, view, collector)
+        maintain = self.maintainer.run(world, context, self.budget, collector, clock)
         if self.pipeline.versions == 1:
             # What this frame shows is only made by its own maintenance.
             (maintenance,) = run_together(collector, clock, maintain)
@@ -238,6 +246,23 @@ class Renderer:
             maintenance=maintenance,
             lightmap=lightmap,
             seconds=clock.seconds,
+        )
+
+    def _context(self, frame: int, world: World, gbuffer: np.ndarray, view: View, collector: Collector) -> FrameContext:
+        """What the selection of a frame looks at."""
+        scene = world.scene
+        coming = predicted_view(scene, frame, self.width, self.height, self.policy)
+        return FrameContext(
+            frame=frame,
+            before=self.scene.at(max(frame - 1, 0)),
+            after=scene,
+            lightmaps=world.lightmaps,
+            state=self.state,
+            values=world.surfaces.irradiance[: len(self.state)],
+            view=view,
+            gbuffer=gbuffer,
+            predicted=None if coming is None else (coming, draw(coming, self._mesh(scene)).gbuffer),
+            trace=partial(collector.now, MAINTENANCE),
         )
 
     def picture(self, result: FrameResult, published: np.ndarray) -> np.ndarray:

@@ -124,11 +124,13 @@ class Plan:
     touched: np.ndarray
     """Lightmaps that any of them may reach, (O,) bool."""
 
-    def mark(self, state: np.ndarray, texel: np.ndarray, policy: Policy) -> None:
-        """Prepares TEXEL_STATE (N,), in place, for the updates of `texel` (M,): heavy weights, values to be dropped."""
-        state["heavy"][self.heavy] = policy.heavy_updates
-        dropped = texel[self.forget[texel]]
-        state["count"][dropped] = 0
+    def mark(self, state: np.ndarray, updates: int) -> None:
+        """Gives heavy weights to the next `updates` samples of TEXEL_STATE (N,) where light has changed, in place."""
+        state["heavy"][self.heavy] = updates
+
+    def forget_old(self, state: np.ndarray, texel: np.ndarray) -> None:
+        """Drops the values of those of `texel` (M,), about to be updated, whose light has changed, in place."""
+        state["count"][texel[self.forget[texel]]] = 0
 
 
 class Selector:
