@@ -127,7 +127,9 @@ def test_a_slab_of_glass_only_shifts_what_is_behind_it() -> None:
     rays, hits = aimed(scene, np.array([[0.3, -0.2, 3.0]]), target)
     start = rays["direction"] / np.linalg.norm(rays["direction"], axis=1)[:, None]
     for wave in range(2):
-        onward = scatter(scene, rays["direction"], hits, np.ones((len(hits), 3), np.float32), keys(len(hits)), both=True)
+        onward = scatter(
+            scene, rays["direction"], hits, np.ones((len(hits), 3), np.float32), keys(len(hits)), both=True
+        )
         rays = onward.rays[onward.rays["direction"][:, 2] < 0]
         hits = trace(bvh, rays)
         assert (hits["primitive"] >= 0).all() == (wave == 0)
