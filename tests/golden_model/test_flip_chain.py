@@ -41,7 +41,7 @@ def test_readers_and_a_writer_in_any_order(seed: int, length: int) -> None:
     expected = {0: maintained.published.copy()}
     views: dict[int, np.ndarray] = {}
     oldest, newest, writing = 0, 0, False
-    for _ in range(60):
+    for _ in range(200):
         action = rng.integers(0, 4)
         if action == 0 and not writing and newest - oldest + 1 < length:
             chain.begin(newest + 1)
@@ -59,7 +59,7 @@ def test_readers_and_a_writer_in_any_order(seed: int, length: int) -> None:
             if rng.integers(0, 2):
                 views[version] = chain.read(version)
         assert chain.figures().versions == newest - oldest + 1 + writing <= length
-    assert newest > 2, f"seed {seed}: nothing happened"
+    assert newest > 4, f"seed {seed}: too little happened"
     for version, view in views.items():
         assert (view["rgba"] == expected[version]["rgba"]).all(), f"seed {seed}, version {version}"
 
