@@ -8,25 +8,35 @@ WIDTH, HEIGHT = 720, 220
 LEFT, RIGHT, TOP, BOTTOM = 64, 8, 14, 26
 NAMES = 92
 """Room for the names at the ends of lines."""
+LABEL = 40
+"""Room for a number below the axis."""
 LETTER = 13
 """Names are so far apart at least."""
 
 
 def stacked_bars(
-    labels: Sequence[object], series: Mapping[str, Sequence[float]], limit: float | None = None, limit_name: str = ""
+    labels: Sequence[object],
+    series: Mapping[str, Sequence[float]],
+    limit: float | None = None,
+    limit_name: str = "",
+    *,
+    width: int = WIDTH,
 ) -> str:
-    """One bar a label, the series stacked in it, and a line at `limit`. Class `s0`, `s1`, … for each series."""
+    """One bar a label, the series stacked in it, and a line at `limit`. Class `s0`, `s1`, … for each series.
+
+    `width` is that of the drawing, whose letters have the same size at any.
+    """
     totals = [sum(values) for values in zip(*series.values(), strict=True)]
     ticks = nice_ticks(max([*totals, limit or 0]))
     top = ticks[-1] or 1
-    plot_width, plot_height = WIDTH - LEFT - RIGHT, HEIGHT - TOP - BOTTOM
+    plot_width, plot_height = width - LEFT - RIGHT, HEIGHT - TOP - BOTTOM
 
     def y(value: float) -> float:
         return TOP + plot_height * (1 - value / top)
 
-    parts = [_axis(ticks, y)]
+    parts = [_axis(ticks, y, width - RIGHT)]
     step = plot_width / max(len(labels), 1)
-    every = -(-len(labels) // 16)
+    every = -(-len(labels) * LABEL // (width - LEFT - RIGHT)) or 1
     for k, label in enumerate(labels):
         x, base = LEFT + k * step, 0.0
         for index, (name, values) in enumerate(series.items()):
@@ -42,11 +52,11 @@ def stacked_bars(
                 f'<text x="{x + step / 2:.1f}" y="{HEIGHT - 8}" text-anchor="middle">{escape(str(label))}</text>'
             )
     if limit is not None:
-        line, right = f"{y(limit):.1f}", WIDTH - RIGHT
+        line, right = f"{y(limit):.1f}", width - RIGHT
         parts.append(f'<line class="limit" x1="{LEFT}" x2="{right}" y1="{line}" y2="{line}"/>')
         label_y = f"{y(limit) - 5:.1f}"
         parts.append(f'<text class="limit" x="{right}" y="{label_y}" text-anchor="end">{escape(limit_name)}</text>')
-    return _svg(parts)
+    return _svg(parts, width)
 
 
 def line_chart(
@@ -59,7 +69,7 @@ def line_chart(
 ) -> str:
     """One line a series over rising `labels` (frames), its name at its end; None is a gap.
 
-    Class `l0`, `l1`, ... for each series. `number` writes values, `marks` are labels that get a vertical line, `width`
+    Class `c0`, `c1`, ... for each series. `number` writes values, `marks` are labels that get a vertical line, `width`
     is that of the drawing, whose letters have the same size at any.
     """
     number = number or short
@@ -80,23 +90,21 @@ def line_chart(
         for mark in marks
     ]
     for label in _frame_ticks(first, last):
-        parts.append(f'<text x="{x(label):.1f}" y="{HEIGHT - 8}" text-anchor="middle">{label:g}</text>')
+        parts.append(f'<text x="{x(label):.1f}" y="{HEIGHT - 8}" text-anchor="middle">{label}</text>')
     ends: dict[int, float] = {}
     for index, (name, line) in enumerate(series.items()):
         points = [(label, value) for label, value in zip(labels, line, strict=True) if value is not None]
         for run in _runs(labels, line):
             path = " ".join(f"{x(label):.1f},{y(value):.1f}" for label, value in run)
-            parts.append(f'<polyline class="l{index}" points="{path}"/>')
+            parts.append(f'<polyline class="c{index}" points="{path}"/>')
         for label, value in points:
-            title = escape(f"{name}, frame {label:g}: {number(value)}")
-            parts.append(
-                f'<circle class="d{index}" cx="{x(label):.1f}" cy="{y(value):.1f}" r="5"><title>{title}</title></circle>'
-            )
+            title = f"<title>{escape(f'{name}, frame {label:g}: {number(value)}')}</title>"
+            parts.append(f'<circle class="c{index}" cx="{x(label):.1f}" cy="{y(value):.1f}" r="5">{title}</circle>')
         if points:
             ends[index] = y(points[-1][1])
     for index, height in _apart(ends).items():
         name = escape(list(series)[index])
-        parts.append(f'<text class="t{index}" x="{right + 8}" y="{height + 4:.1f}">{name}</text>')
+        parts.append(f'<text class="label c{index}" x="{right + 8}" y="{height + 4:.1f}">{name}</text>')
     return _svg(parts, width)
 
 
@@ -128,11 +136,11 @@ def _runs(labels: Sequence[float], line: Sequence[float | None]) -> list[list[tu
     return [run for run in runs if run]
 
 
-def _frame_ticks(first: float, last: float, most: int = 9) -> list[float]:
-    """Round whole numbers from `first` to `last`, at most about `most`."""
-    step = max(1.0, nice_ticks(last - first, most)[1])
-    start = math.ceil(first / step)
-    return [step * k for k in range(start, math.floor(last / step) + 1)]
+def _frame_ticks(first: float, last: float, most: int = 12) -> list[int]:
+    """Whole numbers from `first` to `last`, at most `most`: 1, 2 or 5 times a power of ten apart."""
+    power = 10 ** max(math.floor(math.log10((last - first) / most)), 0) if last > first else 1
+    step = next(power * factor for factor in (1, 2, 5, 10, 20) if power * factor * most > last - first)
+    return [step * k for k in range(math.ceil(first / step), math.floor(last / step) + 1)]
 
 
 def _apart(places: Mapping[int, float]) -> dict[int, float]:
@@ -153,7 +161,7 @@ def _apart(places: Mapping[int, float]) -> dict[int, float]:
 def _axis(
     ticks: Sequence[float],
     y: Callable[[float], float],
-    right: float = WIDTH - RIGHT,
+    right: float,
     number: Callable[[float], str] = short,
 ) -> str:
     lines = []
@@ -163,5 +171,5 @@ def _axis(
     return "".join(lines)
 
 
-def _svg(parts: Sequence[str], width: int = WIDTH) -> str:
+def _svg(parts: Sequence[str], width: int) -> str:
     return f'<svg viewBox="0 0 {width} {HEIGHT}" role="img">{"".join(parts)}</svg>'

@@ -15,7 +15,7 @@ import typer
 from typer.main import get_command
 
 from golden_model.errors import InputError
-from lightloom.commands import bench, compare, demo, emit, irradiance, render, trace
+from lightloom.commands import bench, compare, demo, emit, irradiance, policies, render, trace
 
 DIFFERENT, BAD_INPUT, OWN_FAULT, INTERRUPTED, TERMINATED = 1, 2, 70, 130, 143
 
@@ -30,6 +30,7 @@ app = typer.Typer(
 for _command in (
     demo.demo,
     render.render,
+    policies.policies,
     emit.emit,
     trace.trace,
     irradiance.irradiance,

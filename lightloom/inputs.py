@@ -45,6 +45,14 @@ def at_least(value: int, least: int, option: str, why: str = "") -> int:
     return value
 
 
+def whole_numbers(text: str, option: str) -> tuple[int, ...]:
+    """'3,8,20' to (3, 8, 20), none below 0."""
+    parts = [part.strip() for part in text.split(",")]
+    if not all(part.isdecimal() for part in parts):
+        raise InputError(f"{option} {text}: give whole numbers with commas between, such as 4,8,16")
+    return tuple(int(part) for part in parts)
+
+
 def seed_value(value: int) -> int:
     """`value` if it fits in 32 bits without a sign."""
     if not 0 <= value < 2**32:

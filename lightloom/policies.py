@@ -1,0 +1,422 @@
+"""Policies side by side: the same scene, seed and budget under each, against converged lightmaps of the same frames.
+
+The measure is the mean relative error of a frame, E = sum |I - R| / sum R over all pixels and channels of the linear
+pictures I and R. R is the picture of that very frame read from converged maps (`golden_model.reference`), so what E
+counts is what is wrong with the maps, and nothing else.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from golden_model.errors import InputError
+from golden_model.images import exposure_for, tonemap, write_film, write_png
+from golden_model.lightmap import VALID, Lightmaps, bilinear_taps
+from golden_model.policy import POLICIES, Policy
+from golden_model.reference import Reference
+from golden_model.renderer import FrameResult, Renderer, Sampling
+from golden_model.scene import Scene
+from lightloom.console import Progress, json_text
+from lightloom.difference import relative_mse
+from lightloom.machine import machine, versions
+from lightloom.policy_parameters import changed_parameters, parameters
+from lightloom.policy_pictures import (
+    ERROR_FLOOR,
+    ERROR_RANGE,
+    QUANTITIES,
+    UNKNOWN_AGE,
+    ages,
+    error_colours,
+    error_legend,
+    legend,
+    relative_error,
+    write_quantity,
+)
+
+BASELINE = "round-robin"
+"""What the others are compared with, where it takes part; else the first one."""
+KEY_FRAMES = 4
+"""Frames that are shown as pictures, unless chosen."""
+FILM_FRAMES = 60
+"""Frames in the film at most: they are held in memory and in the page."""
+FRAMES_PER_SECOND = 12.0
+REFERENCE_SEED = 0x5EED
+"""Keeps the reference's random numbers apart from the renders': added to the seed, modulo 2**32."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """What is compared, and how."""
+
+    policies: tuple[str, ...] = tuple(POLICIES)
+    """Names in `POLICIES`, in the order of the page."""
+    frames: int = 48
+    width: int = 320
+    height: int = 214
+    budget: int = 20_000
+    """Rays a frame."""
+    directions: int = 16
+    """Rays for indirect light in a texel update."""
+    light_samples: int = 4
+    """Shadow rays in a texel update."""
+    reference_rays: int = 512
+    """Rays for indirect light a texel of the reference."""
+    reference_every: int = 2
+    """Every so many frames are compared, from frame 0."""
+    key_frames: tuple[int, ...] = ()
+    """Frames shown as pictures, rising; none: `KEY_FRAMES` of the compared ones, evenly spread."""
+    exposure: float | None = None
+    """Factor from radiance to display; None: taken from the first frame's reference."""
+    seed: int = 0
+    backend: str = "auto"
+    threads: int = 1
+
+    def __post_init__(self) -> None:
+        if not self.policies or len(set(self.policies)) < len(self.policies):
+            raise InputError(f"--policies {','.join(self.policies)}: give one or more, each once")
+        for name, value in (("frames", self.frames), ("reference-every", self.reference_every)):
+            if value < 1:
+                raise InputError(f"--{name} {value}: must be at least 1")
+        if any(not 0 <= frame < self.frames for frame in self.key_frames):
+            shown = ",".join(str(frame) for frame in self.key_frames)
+            raise InputError(f"--key-frames {shown}: must be 0 to {self.frames - 1}")
+
+    @property
+    def sampling(self) -> Sampling:
+        """What a texel update is made of, under all policies."""
+        return Sampling(directions=self.directions, light_samples=self.light_samples)
+
+    @property
+    def shown(self) -> list[int]:
+        """The frames shown as pictures, rising."""
+        if self.key_frames:
+            return sorted(set(self.key_frames))
+        compared = range(0, self.frames, self.reference_every)
+        # The first frame is the same under all policies, so it is left out where there are others.
+        places = np.linspace(0, len(compared) - 1, min(KEY_FRAMES, len(compared) - 1) + 1)[1:]
+        return sorted({compared[round(place)] for place in places}) or [0]
+
+    @property
+    def compared(self) -> list[int]:
+        """The frames compared with the reference, rising; those shown are among them."""
+        return sorted({*range(0, self.frames, self.reference_every), *self.shown})
+
+    def command(self, scene: str) -> str:
+        """The command line that does the same again."""
+        words = ["lightloom policies", scene, f"--policies {','.join(self.policies)}", f"--frames {self.frames}"]
+        words += [f"--budget {self.budget}", f"--size {self.width}x{self.height}"]
+        words += [f"--reference-rays {self.reference_rays}", f"--reference-every {self.reference_every}"]
+        if self.key_frames:
+            words.append(f"--key-frames {','.join(str(frame) for frame in self.shown)}")
+        return " ".join([*words, f"--seed {self.seed}"])
+
+    @property
+    def baseline(self) -> str:
+        return BASELINE if BASELINE in self.policies else self.policies[0]
+
+    @property
+    def full(self) -> str:
+        """The policy whose maps are shown: the last."""
+        return self.policies[-1]
+
+
+def error(image: np.ndarray, reference: np.ndarray) -> float | None:
+    """E = sum |I - R| / sum R over the values of (H, W, 3) that are finite in both; None for a black reference."""
+    finite = np.isfinite(image) & np.isfinite(reference)
+    shown, wanted = image[finite].astype(np.float64), reference[finite].astype(np.float64)
+    total = float(wanted.sum())
+    return float(np.abs(shown - wanted).sum()) / total if total > 0 else None
+
+
+def visible_texels(lightmaps: Lightmaps, gbuffer: np.ndarray) -> np.ndarray:
+    """The valid texels of the finest level that pixels of a GBUFFER (H, W) read, (V,) int64, rising."""
+    seen = gbuffer[(gbuffer["object"] >= 0) & gbuffer["front"]]
+    texel, weight = bilinear_taps(lightmaps, seen["object"], seen["lightmap"])
+    shown = lightmaps.fill[texel[weight > 0]].astype(np.int64)
+    return np.unique(shown[shown >= 0])
+
+
+def compare(
+    scene: Scene, lightmaps: Lightmaps, options: Comparison, folder: Path, progress: Progress
+) -> dict[str, Any]:
+    """Renders all frames under all policies, writes the pictures into `folder` and returns the report, ready for JSON.
+
+    Frame by frame: each policy's, then the reference's, once for all. What is held is the state of the renderers and
+    the film. In `folder`: film.webp, and for each key frame NNNN frames/NNNN/reference.png, POLICY.png and
+    POLICY-error.png, and of the last policy maps/NNNN/QUANTITY.png and QUANTITY-maps.png.
+    """
+    with progress.stage("First light", len(options.policies)) as advance:
+        renderers = {}
+        for name in options.policies:
+            renderers[name] = _renderer(scene, lightmaps, options, POLICIES[name])
+            advance(1)
+    judge = _Judge(scene, lightmaps, options, folder)
+    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in options.policies}
+    compared = set(options.compared)
+    with progress.stage("Frames and references", options.frames * len(renderers) + len(compared)) as advance:
+        for number in range(options.frames):
+            results = {}
+            for name, renderer in renderers.items():
+                results[name] = renderer.frame()
+                advance(1)
+            figures: dict[str, dict[str, Any]] = {}
+            if number in compared:
+                figures = judge.look(results, renderers)
+                advance(1)
+            visible = visible_texels(lightmaps, results[options.full].gbuffer)
+            for name, result in results.items():
+                rows[name].append(_row(result, renderers[name].state, visible) | figures.get(name, {}))
+    with progress.stage("Film"):
+        judge.write_film()
+    return _report(scene, lightmaps, options, renderers, rows) | {
+        "exposure": judge.exposure,
+        "reference": {
+            "rays": options.reference_rays,
+            "every": options.reference_every,
+            "frames": options.compared,
+            "noise": judge.noise,
+        },
+    }
+
+
+def _renderer(scene: Scene, lightmaps: Lightmaps, options: Comparison, policy: Policy) -> Renderer:
+    return Renderer(
+        scene,
+        width=options.width,
+        height=options.height,
+        budget=options.budget,
+        seed=options.seed,
+        sampling=options.sampling,
+        policy=policy,
+        lightmaps=lightmaps,
+        backend=options.backend,
+        threads=options.threads,
+    )
+
+
+class _Judge:
+    """Compares frames with the reference of the same frame, and writes the pictures of it."""
+
+    def __init__(self, scene: Scene, lightmaps: Lightmaps, options: Comparison, folder: Path):
+        self.scene, self.lightmaps, self.options, self.folder = scene, lightmaps, options, folder
+        self.reference = self._reference(0)
+        self.exposure = options.exposure
+        self.noise: float | None = None
+        """E between the reference and one of other random numbers, at the first frame, over sqrt(2): its own error."""
+        compared = options.compared
+        places = np.linspace(0, len(compared) - 1, min(len(compared), FILM_FRAMES))
+        self._film_frames = {compared[round(place)] for place in places}
+        self._film: list[np.ndarray] = []
+
+    def _reference(self, number: int) -> Reference:
+        options = self.options
+        return Reference(
+            self.scene,
+            self.lightmaps,
+            rays=options.reference_rays,
+            seed=(options.seed + REFERENCE_SEED + number) % 2**32,
+            backend=options.backend,
+            threads=options.threads,
+        )
+
+    def look(self, results: Mapping[str, FrameResult], renderers: Mapping[str, Renderer]) -> dict[str, dict[str, Any]]:
+        """Compares one frame under each policy; writes its pictures if it is a key frame. Figures by policy."""
+        first = self.options.policies[0]
+        renderer, result = renderers[first], results[first]
+        wanted = renderer.picture(result, self.reference.published(result.frame))
+        if self.exposure is None:
+            self.exposure = exposure_for(wanted)
+        if self.noise is None:
+            between = error(renderer.picture(result, self._reference(1).published(result.frame)), wanted)
+            self.noise = None if between is None else between / float(np.sqrt(2))
+        figures: dict[str, dict[str, Any]] = {
+            name: {"error": error(shown.image, wanted), "relative_mse": relative_mse(shown.image, wanted)}
+            for name, shown in results.items()
+        }
+        if result.frame in self._film_frames:
+            self._film.append(self._film_frame(results, wanted))
+        if result.frame in self.options.shown:
+            for name, value in self._write(results, wanted).items():
+                figures[name]["flip"] = value
+            full = self.options.full
+            for quantity in QUANTITIES:
+                place = self.folder / "maps" / f"{result.frame:04}"
+                write_quantity(place, quantity, self.lightmaps, results[full], renderers[full].state)
+        return figures
+
+    def _write(self, results: Mapping[str, FrameResult], wanted: np.ndarray) -> dict[str, float]:
+        """Writes a key frame's pictures; mean FLIP of each policy's."""
+        reference = self._display(wanted)
+        found = {}
+        for name, result in results.items():
+            place = self.folder / "frames" / f"{result.frame:04}"
+            shown = self._display(result.image)
+            write_png(place / "reference.png", reference)
+            write_png(place / f"{name}.png", shown)
+            write_png(place / f"{name}-error.png", error_colours(relative_error(result.image, wanted)))
+            found[name] = flip(shown, reference)
+        return found
+
+    def _film_frame(self, results: Mapping[str, FrameResult], wanted: np.ndarray) -> np.ndarray:
+        """The baseline and the full policy side by side, and below each its errors."""
+        pair = [results[name].image for name in (self.options.baseline, self.options.full)]
+        top = np.concatenate([self._display(image) for image in pair], axis=1)
+        bottom = np.concatenate([error_colours(relative_error(image, wanted)) for image in pair], axis=1)
+        return np.concatenate([top, bottom], axis=0)
+
+    def write_film(self) -> None:
+        """The film of all frames looked at, as long as the sequence."""
+        write_film(self.folder / "film.webp", self._film, FRAMES_PER_SECOND * len(self._film) / self.options.frames)
+
+    def _display(self, image: np.ndarray) -> np.ndarray:
+        assert self.exposure is not None
+        return tonemap(image, self.exposure)
+
+
+def flip(shown: np.ndarray, wanted: np.ndarray) -> float:
+    """Mean LDR-FLIP between 8-bit sRGB pictures (H, W, 3), 0 to 1."""
+    import flip_evaluator
+
+    test, reference = (picture.astype(np.float32) / 255 for picture in (shown, wanted))
+    return float(flip_evaluator.evaluate(reference, test, "LDR")[1])
+
+
+def _row(result: FrameResult, state: np.ndarray, visible: np.ndarray) -> dict[str, Any]:
+    """Figures of one frame that need no reference."""
+    done = result.maintenance
+    seen = np.zeros(len(state), dtype=bool)
+    seen[visible] = True
+    age = ages(state, result.frame)[visible]
+    known = age[age != UNKNOWN_AGE]
+    return {
+        "frame": result.frame,
+        "texels": len(done.texels),
+        "rays": dict(done.rays),
+        "spent": sum(done.rays.values()),
+        "visible": len(visible),
+        "on_visible": float(seen[done.texels].mean()) if len(done.texels) else 0.0,
+        "unknown": float(1 - len(known) / len(age)) if len(age) else 0.0,
+        "age": float(known.mean()) if len(known) else None,
+        "oldest": int(known.max()) if len(known) else None,
+        "seconds": sum(result.seconds.values()),
+    }
+
+
+def _report(
+    scene: Scene,
+    lightmaps: Lightmaps,
+    options: Comparison,
+    renderers: Mapping[str, Renderer],
+    rows: Mapping[str, list[dict[str, Any]]],
+) -> dict[str, Any]:
+    summaries = {name: summary(frames, options.budget) for name, frames in rows.items()}
+    base = summaries[options.baseline]
+    for figures in summaries.values():
+        for measure in MEASURES:
+            mine, other = figures[measure], base[measure]
+            figures[f"{measure}_ratio"] = mine / other if mine is not None and other else None
+    before = None
+    policies = []
+    for name in options.policies:
+        policy = POLICIES[name]
+        policies.append(
+            {
+                "name": name,
+                "about": ABOUT.get(name, ""),
+                "before": before,
+                "changes": changed_parameters(policy, POLICIES[before] if before else None),
+                "summary": summaries[name] | {"first_rays": renderers[name].priming_rays},
+                "frames": rows[name],
+            }
+        )
+        before = name
+    return {
+        "scene": scene.name,
+        "triangles": len(scene.triangles),
+        "objects": len(scene.object_names),
+        "dynamic": scene.dynamic,
+        "texels": len(lightmaps.texels),
+        "valid": int((lightmaps.texels["state"] == VALID).sum()),
+        "baseline": options.baseline,
+        "full": options.full,
+        "options": asdict(options),
+        "command": options.command(scene.name),
+        "key_frames": options.shown,
+        "rays_an_update": options.sampling.reserve(scene.specular),
+        "policies": policies,
+        "parameters": parameters(POLICIES[options.full]),
+        "error_scale": {"range": ERROR_RANGE, "floor": ERROR_FLOOR, "colours": error_legend()},
+        "quantities": [
+            {
+                "name": quantity.name,
+                "title": quantity.title,
+                "about": quantity.about,
+                "low": quantity.low,
+                "high": quantity.high,
+                "unit": quantity.unit,
+                "open": quantity.open,
+                "labels": list(quantity.labels),
+                "colours": legend(quantity),
+            }
+            for quantity in QUANTITIES
+        ],
+    }
+
+
+MEASURES = ("error", "relative_mse", "flip")
+"""What is compared with the baseline's."""
+
+ABOUT = {
+    "round-robin": "All texels in turn, whether anyone sees them or not.",
+    "visibility": "Texels that the frame or a coming one reads, before those that nobody sees.",
+    "variability": "Among those, the ones whose light varies: from update to update, within one, from texel to texel.",
+    "influence": "And the ones whose light becomes different: around what moves or is switched, and where sampling "
+    "notices a change.",
+}
+"""What each policy adds to the one before."""
+
+
+def summary(frames: Sequence[Mapping[str, Any]], budget: int) -> dict[str, Any]:
+    """Figures of a policy over all its frames: means over the frames that have them, and the extremes."""
+
+    def mean(name: str) -> float | None:
+        found = [frame[name] for frame in frames if frame.get(name) is not None]
+        return float(np.mean(found)) if found else None
+
+    def most(name: str) -> Any:
+        return max((frame[name] for frame in frames if frame.get(name) is not None), default=None)
+
+    rays = sum((Counter(frame["rays"]) for frame in frames), Counter())
+    largest = most("spent")
+    return {
+        **{name: mean(name) for name in MEASURES},
+        "worst_error": most("error"),
+        "texels": mean("texels"),
+        "on_visible": mean("on_visible"),
+        "unknown": mean("unknown"),
+        "age": mean("age"),
+        "oldest": most("oldest"),
+        "rays": {kind: rays[kind] / len(frames) for kind in frames[0]["rays"]},
+        "largest_spent": largest,
+        "within_budget": largest <= budget,
+        "seconds": sum(frame["seconds"] for frame in frames),
+    }
+
+
+def write_comparison(
+    scene: Scene, lightmaps: Lightmaps, options: Comparison, folder: Path, progress: Progress
+) -> dict[str, Any]:
+    """What `compare` writes, policies.json and index.html, into `folder`; returns what policies.json holds."""
+    from gen.policies_page import policies_page
+
+    report = compare(scene, lightmaps, options, folder, progress)
+    report |= {"versions": versions(), "machine": machine(), "seconds": dict(progress.seconds)}
+    with progress.stage("Page"):
+        page = policies_page(report, folder)
+    (folder / "policies.json").write_text(json_text(report))
+    (folder / "index.html").write_text(page, encoding="utf-8")
+    return report

@@ -1,0 +1,226 @@
+"""Policies compared: the measures, what is compared and shown, and the whole command in small."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from golden_model.errors import InputError
+from golden_model.formats import GBUFFER, TEXEL_STATE
+from golden_model.lightmap import EMPTY, VALID
+from golden_model.policy import POLICIES, Policy
+from golden_model.scene import load_scene
+from lightloom.policies import Comparison, error, summary, visible_texels
+from lightloom.policy_parameters import changed_parameters, field_docs, parameters
+from lightloom.policy_pictures import (
+    ERROR_RANGE,
+    QUANTITIES,
+    UNKNOWN_AGE,
+    ages,
+    error_colours,
+    error_legend,
+    legend,
+    relative_error,
+)
+
+from .conftest import Run, files_below
+
+BEHIND = """
+[[quad]]
+name = "behind the camera"
+corners = [[-2, 0, 6], [-2, 3, 6], [2, 3, 6], [2, 0, 6]]
+"""
+TINY = ("--frames", 4, "--size", "32x32", "--budget", 2000, "--reference-rays", 16, "--reference-every", 2)
+
+
+# --- measures -------------------------------------------------------------------------------------------------------
+
+
+def test_error_is_the_sum_of_departures_over_the_sum_of_the_reference() -> None:
+    reference = np.array([[[1, 2, 3], [4, 0, 0]]], dtype=np.float32)
+    image = reference + np.array([[[1, 0, -1], [0, 0, 3]]], dtype=np.float32)
+    assert error(image, reference) == pytest.approx(5 / 10)
+    assert error(reference, reference) == 0
+    assert error(image, np.zeros_like(reference)) is None
+    image[0, 0, 0] = np.nan  # counts in neither sum
+    assert error(image, reference) == pytest.approx(4 / 9)
+
+
+def test_relative_error_has_a_sign_and_a_floor() -> None:
+    reference = np.ones((1, 4, 3), dtype=np.float32)
+    reference[0, 3] = 0
+    image = reference * np.array([0.5, 1, 1.5, 0], dtype=np.float32)[None, :, None]
+    image[0, 3] = 0.01
+    found = relative_error(image, reference)[0]
+    assert found[:3] == pytest.approx([-0.5, 0, 0.5])
+    assert found[3] == pytest.approx(0.01 / (0.05 * 0.75))
+    assert not relative_error(image, np.zeros_like(image)).any()
+
+
+def test_colours_of_errors_tell_the_sign_and_grow_lighter() -> None:
+    dark, little_dark, none, little_bright, bright = error_colours(np.array([-9, -0.1, 0, 0.1, 9])).astype(int)
+    assert dark[2] > dark[0]
+    assert little_dark[2] > little_dark[0]
+    assert bright[0] > bright[2]
+    assert little_bright[0] > little_bright[2]
+    assert none.sum() < min(little_dark.sum(), little_bright.sum())
+    assert little_dark.sum() < dark.sum()
+    ends = error_colours(np.array([-ERROR_RANGE, ERROR_RANGE]))
+    assert [error_legend()[0], error_legend()[-1]] == ["#" + bytes(end).hex() for end in ends]
+
+
+def test_ages_count_across_the_turn_of_the_frame_number() -> None:
+    state = np.zeros(3, dtype=TEXEL_STATE)
+    state["count"] = [1, 5, 0]
+    state["frame"] = [65530, 3, 3]
+    assert list(ages(state, 65540)) == [10, 1, UNKNOWN_AGE]
+
+
+def test_visible_texels_are_those_that_pixels_read_in_the_end() -> None:
+    from golden_model.charts import unwrap
+
+    lightmaps = unwrap(replace(load_scene("cornell-box"), texel_size=100.0))
+    texel = int(np.flatnonzero(lightmaps.texels["state"] == VALID)[0])
+    owner = int(lightmaps.texels["object"][texel])
+    row, column = divmod(texel - int(lightmaps.offset[owner]), int(lightmaps.width[owner]))
+    gbuffer = np.zeros((1, 3), dtype=GBUFFER)
+    gbuffer["object"], gbuffer["front"] = -1, True
+    assert len(visible_texels(lightmaps, gbuffer)) == 0
+    # The middle of a texel reads it alone; its back reads nothing.
+    gbuffer["object"][0, :2] = owner
+    gbuffer["lightmap"][0] = column + 0.5, row + 0.5
+    gbuffer["front"][0, 1] = False
+    assert list(visible_texels(lightmaps, gbuffer)) == [texel]
+    # Where a texel is empty, the one that is shown in its place is read.
+    empty = np.flatnonzero((lightmaps.texels["state"] == EMPTY) & (lightmaps.fill >= 0))
+    other = int(empty[0])
+    owner = int(np.searchsorted(lightmaps.offset, other, side="right")) - 1
+    row, column = divmod(other - int(lightmaps.offset[owner]), int(lightmaps.width[owner]))
+    gbuffer["object"][0, 0] = owner
+    gbuffer["lightmap"][0, 0] = column + 0.5, row + 0.5
+    assert list(visible_texels(lightmaps, gbuffer)) == [int(lightmaps.fill[other])]
+
+
+def test_summary_takes_means_of_what_there_is() -> None:
+    frame = {"texels": 10, "on_visible": 0.5, "unknown": 0.0, "seconds": 1.0}
+    frames = [
+        frame | {"rays": {"a": 5, "b": 0}, "spent": 5, "age": None, "oldest": None, "error": 0.1, "relative_mse": 1.0},
+        frame | {"rays": {"a": 7, "b": 2}, "spent": 9, "age": 3.0, "oldest": 8},
+        frame | {"rays": {"a": 3, "b": 1}, "spent": 4, "age": 5.0, "oldest": 6, "error": 0.3, "relative_mse": None},
+    ]
+    found = summary(frames, 8)
+    assert (found["error"], found["worst_error"]) == (pytest.approx(0.2), 0.3)
+    assert (found["relative_mse"], found["flip"]) == (1.0, None)
+    assert (found["age"], found["oldest"]) == (4.0, 8)
+    assert found["rays"] == {"a": 5.0, "b": 1.0}
+    assert (found["largest_spent"], found["within_budget"]) == (9, False)
+    assert summary(frames, 9)["within_budget"]
+
+
+# --- what is compared and shown -------------------------------------------------------------------------------------
+
+
+def test_frames_compared_and_shown() -> None:
+    options = Comparison(frames=17, reference_every=4)
+    assert options.compared == [0, 4, 8, 12, 16]
+    assert options.shown == [4, 8, 12, 16]
+    chosen = Comparison(frames=17, reference_every=8, key_frames=(9, 3, 9))
+    assert chosen.shown == [3, 9]
+    assert chosen.compared == [0, 3, 8, 9, 16]
+    assert Comparison(frames=1).shown == Comparison(frames=1).compared == [0]
+    assert Comparison(frames=3, reference_every=2).shown == [2]
+
+
+def test_baseline() -> None:
+    assert Comparison().baseline == "round-robin"
+    assert Comparison().full == "influence"
+    assert Comparison(policies=("visibility", "influence")).baseline == "visibility"
+    with pytest.raises(InputError, match="--policies influence,influence"):
+        Comparison(policies=("influence", "influence"))
+
+
+def test_parameters_have_the_meaning_that_the_class_gives_them() -> None:
+    meanings = field_docs(Policy)
+    assert all(meanings.values()), [name for name, text in meanings.items() if not text]
+    rows = {row["name"]: row for row in parameters(Policy(sweep=7))}
+    assert (rows["sweep"]["value"], rows["sweep"]["range"]) == (7, (0, 256))
+    assert rows["visibility"]["range"] is None
+
+
+def test_changed_parameters() -> None:
+    before = POLICIES["influence"]
+    (row,) = changed_parameters(replace(before, heavy_updates=2), before)
+    assert (row["name"], row["before"], row["value"]) == ("heavy_updates", before.heavy_updates, 2)
+    assert changed_parameters(before, before) == changed_parameters(before, None) == []
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES, ids=lambda quantity: quantity.name)
+def test_legends_fit_their_scale(quantity: object) -> None:
+    from lightloom.policy_pictures import Quantity
+
+    assert isinstance(quantity, Quantity)
+    colours = legend(quantity)
+    assert len(set(colours)) == len(colours)
+    if quantity.labels:
+        assert len(colours) == len(quantity.labels) == quantity.high - quantity.low + 1
+
+
+# --- the command ----------------------------------------------------------------------------------------------------
+
+
+def test_policies(cli: Run, tmp_path: Path, room: Path) -> None:
+    room.write_text(room.read_text() + BEHIND)
+    outcome = cli("policies", room, *TINY, "--out", tmp_path / "a", "--json")
+    assert outcome.code == 0, outcome
+    report = json.loads(outcome.out)
+    assert report == json.loads((tmp_path / "a" / "policies.json").read_text())
+    assert [policy["name"] for policy in report["policies"]] == list(POLICIES)
+    assert report["reference"]["frames"] == [0, 2]
+    assert report["key_frames"] == [2]
+    assert 0 < report["reference"]["noise"] < 0.2
+    for policy in report["policies"]:
+        rows = policy["frames"]
+        assert [row["frame"] for row in rows] == [0, 1, 2, 3]
+        assert ["error" in row for row in rows] == [True, False, True, False]
+        assert all(0 < row["spent"] <= 2000 and row["spent"] == sum(row["rays"].values()) for row in rows)
+        assert all(0 < row["error"] < 1 for row in rows if "error" in row)
+        assert policy["summary"]["within_budget"]
+        assert 0 <= rows[2]["flip"] < 1
+    first, *others = report["policies"]
+    assert first["summary"]["error_ratio"] == 1
+    assert all(other["changes"] for other in others)
+    # Nobody sees the wall behind the camera.
+    assert others[0]["summary"]["on_visible"] > first["summary"]["on_visible"]
+    written = files_below(tmp_path / "a")
+    assert {"index.html", "policies.json", "film.webp", "frames/0002/reference.png"} <= written
+    assert {f"frames/0002/{name}{end}.png" for name in POLICIES for end in ("", "-error")} <= written
+    assert {f"maps/0002/{quantity.name}{end}.png" for quantity in QUANTITIES for end in ("", "-maps")} <= written
+    page = (tmp_path / "a" / "index.html").read_text(encoding="utf-8")
+    assert "data:image/webp;base64," in page
+
+
+def test_same_options_same_figures(cli: Run, tmp_path: Path, room: Path) -> None:
+    found = []
+    for name in ("a", "b"):
+        command = ["policies", room, *TINY, "--policies", "visibility", "--key-frames", "1,3", "--out", tmp_path / name]
+        outcome = cli(*command, "--json")
+        assert outcome.code == 0, outcome
+        report = json.loads(outcome.out)
+        assert report["baseline"] == report["full"] == "visibility"
+        assert report["reference"]["frames"] == [0, 1, 2, 3]
+        found.append([[row[key] for key in ("error", "spent", "age")] for row in report["policies"][0]["frames"]])
+    assert found[0] == found[1]
+
+
+def test_bad_input(cli: Run, tmp_path: Path, room: Path) -> None:
+    out = ("--out", tmp_path / "out")
+    cli("policies", room, "--policies", "round-robin,vizibility", *out).refused("vizibility", "visibility")
+    cli("policies", room, "--policies", "influence,influence", *out).refused("--policies", "once")
+    cli("policies", room, "--reference-every", 0, *out).refused("--reference-every")
+    cli("policies", room, "--key-frames", "3,x", *out).refused("--key-frames 3,x")
+    cli("policies", room, "--frames", 4, "--key-frames", "4", *out).refused("--key-frames 4", "0 to 3")
+    cli("policies", room, "--reference-rays", 100, *out).refused("reference rays 100")
+    cli("policies", room, "--budget", 3, *out).refused("--budget 3")
+    assert not (tmp_path / "out").exists()
