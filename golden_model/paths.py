@@ -9,6 +9,7 @@ float32 under the numeric contract, and a function of path and frame alone: fram
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -109,8 +110,8 @@ def segment(frames: Sequence[int], frame: int, loop: int = 0) -> tuple[int, int,
     return before, after, np.float32(frame - frames[before]) / np.float32(frames[after] - frames[before])
 
 
-def between(a: np.ndarray, b: np.ndarray, step: np.float32) -> np.ndarray:
-    """a + step (b - a), float32."""
+def between(a: Any, b: Any, step: np.float32) -> np.ndarray:
+    """a + step (b - a), float32 arrays or scalars."""
     return add(a, flush(step * subtract(b, a)))
 
 

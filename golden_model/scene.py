@@ -376,7 +376,7 @@ def _with_triangles(scene: Scene, parts: Sequence[Part]) -> Scene:
     return replace(scene, **_triangles(parts))
 
 
-def _triangles(parts: Sequence[Part]) -> dict[str, np.ndarray]:
+def _triangles(parts: Sequence[Part]) -> dict[str, Any]:
     """What a scene has for each triangle."""
     from golden_model.mesh import shading_normals
 

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from golden_model.bvh import LEAF_SIZE, Bvh, build
+from golden_model.bvh import LEAF_SIZE, Bvh, build, refit
 from golden_model.formats import TRIANGLE
 from tests.golden_model import meshes
 from tests.golden_model.tracing_cases import random_soup
@@ -123,6 +123,33 @@ def test_the_heuristic_separates_clusters() -> None:
     left, right = bvh.first[0], bvh.first[0] + 1
     assert bvh.upper[left].max() < 50 < bvh.lower[right].min()
     assert bvh.sah_cost < 1.1
+
+
+@pytest.mark.parametrize("count", [0, 1, 3, 1000])
+def test_refitted_boxes_hold_their_triangles_wherever_they_go(count: int) -> None:
+    rng = np.random.default_rng([11, count])
+    before, after = random_soup(rng, count), random_soup(rng, count)
+    bvh = build(before)
+    moved = refit(bvh, after)
+    check(moved)
+    assert moved.first is bvh.first, "the shape of the tree is kept"
+    same = refit(moved, before)
+    assert (same.lower == bvh.lower).all()
+    assert (same.upper == bvh.upper).all()
+
+
+def test_refitting_leaves_out_what_building_left_out() -> None:
+    triangles = random_soup(np.random.default_rng(12), 100)
+    triangles["v1"][:50] = np.nan
+    bvh = refit(build(triangles), triangles)
+    check(bvh)
+    assert len(bvh.primitive) == 50
+
+
+def test_leaves_can_be_asked_to_hold_one_triangle() -> None:
+    bvh = build(random_soup(np.random.default_rng(13), 100), leaf_size=1)
+    check(bvh)
+    assert bvh.count.max() == 1
 
 
 @pytest.mark.long

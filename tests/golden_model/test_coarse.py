@@ -154,7 +154,7 @@ def test_coarse_geometry_moves_along(tmp_path: Path) -> None:
             if moved.present[number]:
                 assert np.allclose(fine.mean(axis=(0, 1)), coarse.mean(axis=(0, 1)), atol=0.01)
         assert (fine_triangles(moved) == fine_triangles(scene)).all()
-    assert moved.coarse.at(3).frame == 3
+        assert moved.coarse.at(3).frame == 3
 
 
 @pytest.mark.parametrize("faces", [False, True])

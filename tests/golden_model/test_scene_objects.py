@@ -227,7 +227,7 @@ def test_damaged_pictures_are_refused(tmp_path: Path) -> None:
     load_scene(path)
     for length in (0, 10, 100, len(whole) // 2):
         (tmp_path / "noise.png").write_bytes(whole[:length])
-        with pytest.raises(InputError, match="noise.png cannot be read as a picture"):
+        with pytest.raises(InputError, match=r"noise\.png cannot be read as a picture"):
             load_scene(path)
 
 
