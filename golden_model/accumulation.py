@@ -13,7 +13,7 @@ BALANCED_HEADROOM_BITS = 6
 
 … over the number of rays, and as much again for each bounce, so that nothing saturates unless light adds up to more
 than twenty times what the brightest light emits, in one ray."""
-SETTLED_BITS = 9
+SETTLED_BITS = 10
 """Light is settled if less than 2**-SETTLED_BITS of it is still to come."""
 _LUMINANCE_SHIFT = 4
 """A contribution's luminance is added up in units of 4 of the accumulators' (and is the mean of four parts)."""

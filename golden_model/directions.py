@@ -63,9 +63,10 @@ def cosine_table() -> np.ndarray:
     aligned run of 4**k entries has one in each cell of a 2**k by 2**k grid over the disc's square.
     """
     x_bits, y_bits = sobol(np.arange(COUNT // 4))
-    # Half a cell more: the points sit in the middles of their cells, none on an axis or on the horizon.
-    a = (x_bits.astype(np.float64) + 2.0**31 / (COUNT // 4)) * 2.0**-32
-    b = (y_bits.astype(np.float64) + 2.0**31 / (COUNT // 4)) * 2.0**-32
+    # Three quarters of a cell more: no point lies on an axis or on the horizon, and the mean height, on which the light
+    # from above depends, is right to 1e-5. (In the middles of the cells they would stand 6e-4 too steep.)
+    a = (x_bits.astype(np.float64) + 0.75 * 2.0**32 / (COUNT // 4)) * 2.0**-32
+    b = (y_bits.astype(np.float64) + 0.75 * 2.0**32 / (COUNT // 4)) * 2.0**-32
     radius = np.maximum(a, b)
     sine, cosine = sine_cosine(np.minimum(a, b) / radius * (_PI / 4))
     x = radius * np.where(a >= b, cosine, sine)

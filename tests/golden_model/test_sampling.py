@@ -49,8 +49,8 @@ def test_successive_updates_run_through_the_whole_table() -> None:
         cosine.append((rays["direction"] * update.record["normal"]).sum(axis=-1))
     together = np.concatenate(cosine).astype(np.float64)
     # Of the cosine distribution: the mean is 2/3, the mean square 1/2; 1024 heights stand in for it.
-    assert together.mean() == pytest.approx(2 / 3, abs=5e-4)
-    assert (together**2).mean() == pytest.approx(1 / 2, abs=5e-4)
+    assert together.mean() == pytest.approx(2 / 3, abs=1e-5)
+    assert (together**2).mean() == pytest.approx(1 / 2, abs=1e-4)
     assert len({c.tobytes() for c in cosine}) == runs
 
 
