@@ -44,9 +44,8 @@ def posed(rest: Scene, frame: int) -> Scene:
 
 def _moved_triangles(rest: Scene, moved: Scene) -> Scene:
     """`moved` with the triangles of `rest` carried to its poses."""
-    going = [number for number, path in enumerate(rest.object_path) if path is not None]
     triangles, normals = rest.triangles.copy(), rest.normals.copy()
-    for number in going:
+    for number in _going(rest):
         part = slice(*np.searchsorted(rest.object_id, [number, number + 1]))
         if not moved.present[number]:
             for name in TRIANGLE.names or ():
@@ -66,6 +65,11 @@ def _moved_triangles(rest: Scene, moved: Scene) -> Scene:
         coarse=None,
         rest=rest,
     )
+
+
+def _going(scene: Scene) -> list[int]:
+    """The objects that ever leave their rest place."""
+    return [number for number, path in enumerate(scene.object_path) if path is not None and not path.stays]
 
 
 def _moved_lights(rest: Scene, frame: int) -> np.ndarray:
@@ -182,9 +186,7 @@ def moved_records(lightmaps: Lightmaps, scene: Scene) -> Lightmaps:
     if not scene.dynamic:
         return lightmaps
     texels = lightmaps.texels.copy()
-    for number, path in enumerate(scene.object_path):
-        if path is None:
-            continue
+    for number in _going(scene):
         first = int(lightmaps.offset[number])
         part = texels[first : first + int(lightmaps.width[number]) * int(lightmaps.height[number])]
         if not scene.present[number]:
