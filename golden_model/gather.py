@@ -195,7 +195,7 @@ class _Paths:
     def lit(self, world: World, hits: np.ndarray) -> _Lit:
         """The shadow rays of what they have met, HIT (K,)."""
         direct = direct_at_hits(world.surfaces, world.lights, hits, hash_u32(self.key, _LIT))
-        radiance = multiply(self.weight[direct.parent], direct.radiance)
+        radiance = multiply(self.weight[direct.parent], direct.value)
         return _Lit(root=self.root[direct.parent], rays=direct.rays, radiance=radiance)
 
     def follow(self, onward: Onward) -> "_Paths":
