@@ -172,7 +172,9 @@ class _Simulation:
         times = tuple(self._frame_time(k) for k in range(len(self.frames)))
         for time in times:
             assert time.version_complete <= time.read_from, f"frame {time.frame} reads a version that is not complete"
-        ends = [*self.shown[1:], *(t + max(self.machine.refresh_cycles, 1) for t in self.shown[-1:])]
+        # Nothing follows the last picture: it is drawn for one display time, or until all work is done.
+        last = [max(time + max(self.machine.refresh_cycles, 1), self.now) for time in self.shown[-1:]]
+        ends = [*self.shown[1:], *last]
         for k, (begin, end) in enumerate(zip(self.shown, ends, strict=True)):
             self.events.append(Event(frame=k, stage=DISPLAY, resource=DISPLAY, begin=begin, end=end))
         return Schedule(machine=self.machine, events=_joined(self.events), frames=times, duration=self.now)
