@@ -1,7 +1,6 @@
 """Converged irradiance against analytic truth and against Mitsuba 3, which nobody here wrote."""
 
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from golden_model.formats import POINT_LIGHT, RAY
 from golden_model.irradiance import irradiance
 from golden_model.scene import Part, Scene, assemble, load_scene
 from golden_model.tracer import Trace
+from tests.golden_model.mitsuba_scenes import mitsuba, mitsuba_irradiance
 
 SEED = 20250104
 
@@ -100,60 +100,15 @@ def floor_points(scene: Scene, trace: Trace, count: int) -> tuple[np.ndarray, np
     return place, normal
 
 
-def mitsuba_scene(mi: Any, scene: Scene) -> Any:
-    """The same triangles, materials and lights, objects as meshes."""
-    content: dict[str, Any] = {"type": "scene", "integrator": {"type": "path", "max_depth": 64, "rr_depth": 8}}
-    for number in range(len(scene.object_names)):
-        mine = scene.object_id == number
-        (material,) = np.unique(scene.material[mine])
-        properties = mi.Properties()
-        reflectance = {"type": "rgb", "value": scene.albedo[material].tolist()}
-        diffuse = {"type": "diffuse", "reflectance": reflectance}
-        properties["bsdf"] = mi.load_dict({"type": "twosided", "nested": diffuse})
-        if scene.emission[material].any():
-            radiance = {"type": "rgb", "value": scene.emission[material].tolist()}
-            properties["emitter"] = mi.load_dict({"type": "area", "radiance": radiance})
-        corners = scene.corners[mine]
-        mesh = mi.Mesh(f"object{number}", 3 * len(corners), len(corners), props=properties)
-        parameters = mi.traverse(mesh)
-        parameters["vertex_positions"] = corners.reshape(-1)
-        parameters["faces"] = np.arange(3 * len(corners), dtype=np.uint32)
-        parameters.update()
-        content[f"object{number}"] = mesh
-    return mi.load_dict(content)
-
-
-def mitsuba_floor_irradiance(mi: Any, scene: Scene, position: np.ndarray, samples: int) -> np.ndarray:
-    """Irradiance (N, 3) float64 at points of a diffuse floor: pi / albedo times the radiance that leaves it.
-
-    The radiance is that of a ray from just above, straight down; so Mitsuba samples the light at the point itself,
-    where rays from the point would have to meet it by chance.
-    """
-    loaded = mitsuba_scene(mi, scene)
-    integrator = loaded.integrator()
-    sampler = mi.load_dict({"type": "independent"})
-    sampler.seed(SEED)
-    out = np.zeros((len(position), 3))
-    for row, (x, _, z) in zip(out, position.tolist(), strict=True):
-        ray = mi.RayDifferential3f(mi.Ray3f(mi.Point3f(x, 0.01, z), mi.Vector3f(0, -1, 0)))
-        red = green = blue = 0.0
-        for _ in range(samples):
-            radiance, _, _ = integrator.sample(loaded, sampler, ray)
-            red, green, blue = red + radiance[0], green + radiance[1], blue + radiance[2]
-        row[:] = red, green, blue
-    floor = scene.material[scene.object_id == scene.object_names.index("floor")][0]
-    return out / samples * np.pi / scene.albedo[floor].astype(np.float64)
-
-
 def test_cornell_floor_against_mitsuba() -> None:
     """Median ratio within 1 % (noise of the median at these counts: 0.2 %), and energy ratio within 1 %."""
-    mi = pytest.importorskip("mitsuba")
-    mi.set_variant("scalar_rgb")
+    mi = mitsuba()
     scene = load_scene("cornell-box")
     trace = tracer(scene)
     position, normal = floor_points(scene, trace, 300)
     ours = irradiance(scene, trace, position, normal, 2048, SEED).astype(np.float64)
-    theirs = mitsuba_floor_irradiance(mi, scene, position, 2048)
+    floor = scene.material[scene.object_id == scene.object_names.index("floor")][0]
+    theirs = mitsuba_irradiance(mi, scene, position, normal, np.full(len(position), floor), 2048, SEED)
     ratio = ours / theirs
     median = np.median(ratio, axis=0)
     energy = ours.sum(axis=0) / theirs.sum(axis=0)
