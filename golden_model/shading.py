@@ -12,7 +12,7 @@ import numpy as np
 from golden_model.floats import flush, half_to_float, quiet
 from golden_model.lightmap import Lightmaps, bilinear, lightmap_coordinates, sample
 from golden_model.scene import DIFFUSE, MIRROR, Scene
-from golden_model.textures import Textures, build_textures, sample_textures, texel_coordinates
+from golden_model.textures import Textures, sample_textures, texel_coordinates
 from golden_model.vectors import interpolate
 
 INVERSE_PI = np.float32(0.31830987)
@@ -114,21 +114,6 @@ def diffuse_radiance(surfaces: Surfaces, hits: np.ndarray, *, coarse: bool = Fal
     return reflected(albedo_at(surfaces, scene, hits), diffuse, arriving)
 
 
-def shade_hits(scene: Scene, lightmaps: Lightmaps, irradiance: np.ndarray, hits: np.ndarray) -> np.ndarray:
-    """HIT (N,) to the radiance (N, 3) that diffuse surfaces send back along the rays, from maps `irradiance`.
-
-    A miss brings nothing. Nor does the emission of what is hit: lights are sampled by shadow rays, counting them here
-    again would count them twice.
-    """
-    surfaces = Surfaces(
-        scene=scene, lightmaps=lightmaps, irradiance=irradiance, textures=build_textures(scene.textures)
-    )
-    radiance = np.zeros((len(hits), 3), dtype=np.float32)
-    struck = np.flatnonzero(hits["primitive"] >= 0)
-    radiance[struck] = diffuse_radiance(surfaces, hits[struck])
-    return radiance
-
-
 @quiet
 def shade_fragments(surfaces: Surfaces, fragment: np.ndarray) -> np.ndarray:
     """GBUFFER (N,), each of a triangle, to what needs no ray: reflected plus emitted radiance, (N, 3) float32."""
@@ -162,11 +147,8 @@ def ray_weights(surfaces: Surfaces, gbuffer: np.ndarray) -> np.ndarray:
     return weight
 
 
-def shade_pixels(scene: Scene, lightmaps: Lightmaps, irradiance: np.ndarray, gbuffer: np.ndarray) -> np.ndarray:
-    """GBUFFER (H, W) to the picture (H, W, 3) float32 of the finest levels; zero where nothing is seen."""
-    surfaces = Surfaces(
-        scene=scene, lightmaps=lightmaps, irradiance=irradiance, textures=build_textures(scene.textures)
-    )
+def shade_pixels(surfaces: Surfaces, gbuffer: np.ndarray) -> np.ndarray:
+    """GBUFFER (H, W) to what its fragments' shading makes, (H, W, 3) float32; zero where nothing is seen."""
     image = np.zeros((*gbuffer.shape, 3), dtype=np.float32)
     seen = gbuffer["primitive"] >= 0
     image[seen] = shade_fragments(surfaces, gbuffer[seen])

@@ -29,7 +29,7 @@ def rays_of(frame: Frame, options: FrameShading, **more) -> FrameRays:
 def picture(frame: Frame, options: FrameShading | None = None, mode: str = "both") -> np.ndarray:
     buffer = trace_frame(rays_of(frame, options or FrameShading()), frame.collector())
     surfaces = frame.surfaces
-    raster = shade_pixels(surfaces.scene, surfaces.lightmaps, surfaces.irradiance, frame.gbuffer)
+    raster = shade_pixels(surfaces, frame.gbuffer)
     return blend_frame(raster, buffer.values(), ray_weights(surfaces, frame.gbuffer), mode)
 
 
@@ -53,7 +53,7 @@ def test_a_mirror_wall_shows_what_a_mirrored_eye_sees() -> None:
     behind = seen_from(
         open_room, (0, 0.2, -2.9), (0, 0.1, -1), tan=0.5, irradiance=np.broadcast_to(irradiance, (4000, 3))
     )
-    direct = shade_pixels(open_room, behind.surfaces.lightmaps, behind.surfaces.irradiance, behind.gbuffer)[:, ::-1]
+    direct = shade_pixels(behind.surfaces, behind.gbuffer)[:, ::-1]
     mirror = frame.gbuffer["object"] == [p.name for p in walls].index("far")
     assert mirror.sum() > 500
     error = np.abs(image - direct * np.float32(0.5))[mirror].max(axis=1)
