@@ -86,11 +86,13 @@ class Machine:
     """Part of the shader cores that lightmap shading gets beside the frame's shading."""
 
     shader_cores: int = ranged(64, 1, 65536)
+    """Fragments, pixels or rays shaded at a time."""
     tracer_units: int = ranged(4, 1, 1024)
     """Traversal units; each starts one node test a cycle and triangle tests beside it."""
     raster_units: int = ranged(4, 1, 1024)
     """Fragments tested in a cycle."""
     builder_units: int = ranged(1, 1, 1024)
+    """Triangles that the builder works on at a time."""
     engine_units: int = ranged(1, 1, 1024)
     """Texels that the lightmap engine works on at a time."""
     output_units: int = ranged(4, 1, 1024)

@@ -1,7 +1,12 @@
 """Costs of a frame on a machine: counts times cycles over units."""
 
+import re
+from dataclasses import fields
+from pathlib import Path
+
 import pytest
 
+from golden_model.budget import BudgetPolicy
 from golden_model.errors import InputError
 from golden_model.machine import RESOURCES, STAGES, FrameCounts, Machine, RayCounts, load, work
 
@@ -56,3 +61,19 @@ def test_load_adds_up_the_stages_of_a_unit() -> None:
 def test_what_is_out_of_range_is_named(make, said: str) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(InputError, match=said):
         make()
+
+
+@pytest.mark.parametrize("options", [Machine, BudgetPolicy])
+def test_the_page_has_every_parameter_with_its_default_and_range(options: type) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "machine.md").read_text(encoding="utf-8")
+    rows = {
+        row[0]: row[1:] for row in re.findall(r"^\| `(\w+)` \| ([^|]+) \| ([^|]+) to ([^|]+) \|", page, re.MULTILINE)
+    }
+    for item in fields(options):
+        stated = tuple(_number(text) for text in rows[item.name])
+        assert stated == (item.default, *item.metadata["range"]), item.name
+
+
+def _number(text: str) -> int:
+    base, power = re.fullmatch(r"([\d,]+)(?:\^(\d+))?", text.strip()).groups()  # type: ignore[union-attr]
+    return int(base.replace(",", "")) ** int(power or 1)
