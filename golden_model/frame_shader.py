@@ -77,6 +77,11 @@ class FrameRayFigures:
     dropped: int = 0
     """Not traced, because too little would reach the eye or because the path had met its last mirror."""
 
+    @property
+    def total(self) -> int:
+        """Rays traced."""
+        return self.specular + self.shadow + self.hit_shadow
+
 
 @dataclass
 class _Shadows:

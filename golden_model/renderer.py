@@ -5,6 +5,7 @@ does not matter in which order shading and maintenance are done or how they over
 once has the same bits. docs/renderer.md describes every stage.
 """
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
@@ -14,6 +15,7 @@ import numpy as np
 
 from golden_model.accumulation import fraction_bits, light_of, settled
 from golden_model.blender import blend_frame
+from golden_model.budget import BudgetController, BudgetPolicy, measure
 from golden_model.camera import View, look_at
 from golden_model.charts import unwrap
 from golden_model.coarse import coarse_links
@@ -21,20 +23,21 @@ from golden_model.collector import MAINTENANCE, Collector, Packing
 from golden_model.errors import InputError
 from golden_model.flip_chain import FlipChain
 from golden_model.forest import ForestOptions
-from golden_model.frame_shader import FrameRays, FrameShading
+from golden_model.frame_shader import FrameRayFigures, FrameRays, FrameShading
 from golden_model.gather import Sampling, World
 from golden_model.lightmap import Lightmaps
 from golden_model.lights import Lights, lights_of
+from golden_model.machine import FrameCounts, Machine, RayCounts
 from golden_model.maintenance import Maintainer, Maintenance
 from golden_model.motion import moved_records
 from golden_model.policy import Policy
 from golden_model.prediction import predicted_view
 from golden_model.publish import Publisher
-from golden_model.rasterizer import Mesh, Rasterization, draw
+from golden_model.rasterizer import Mesh, RasterFigures, Rasterization, draw
 from golden_model.recorder import TestRecorder
 from golden_model.scene import Scene, require_light
 from golden_model.selection import FrameContext
-from golden_model.shading import Surfaces, ray_weights, readable, shade_fragments
+from golden_model.shading import Surfaces, ray_weights, readable, shade_fragments, shade_pixels
 from golden_model.stopwatch import Stopwatch
 from golden_model.structure import Structure
 from golden_model.textures import build_textures, texel_coordinates
@@ -84,8 +87,14 @@ class FrameResult:
     view: View
     gbuffer: np.ndarray
     """GBUFFER (H, W)."""
+    budget: int
+    """Rays that its maintenance could spend."""
     maintenance: Maintenance
     """The updates made beside this frame; a later frame shows them."""
+    frame_rays: FrameRayFigures
+    """The rays of its own, which are not of the budget."""
+    counts: FrameCounts
+    """Its work, for `golden_model.schedule`."""
     lightmap: np.ndarray
     """The version that this frame read: PUBLISHED_TEXEL (texels of all levels,), read-only."""
     seconds: dict[str, float] = field(default_factory=dict)
@@ -107,6 +116,8 @@ class Renderer:
         policy: Policy | None = None,
         pipeline: Pipeline | None = None,
         lightmaps: Lightmaps | None = None,
+        machine: Machine | None = None,
+        hold: BudgetPolicy | None = None,
         backend: str = "auto",
         threads: int = 1,
         recorder: TestRecorder | None = None,
@@ -115,6 +126,8 @@ class Renderer:
 
         The maps have no earlier version that the first frame could read, so it is made here: in up to
         `Sampling.priming` rounds, each within the budget of a frame. `priming` 0 starts with black maps.
+
+        With `hold` the budget follows the load, so that `machine` keeps a frame time ([0010]); `budget` is the first.
 
         Raises InputError for a budget that does not pay for one texel update, for a scene without light, and for what
         the camera, the charts and the tracer refuse.
@@ -126,7 +139,15 @@ class Renderer:
         require_light(scene)
         if self.sampling.direct != self.pipeline.shading.direct:
             raise InputError("direct: texels and pixels must find direct light in the same way, by maps or by rays")
-        self.scene, self.width, self.height, self.budget, self.seed = scene, width, height, budget, seed
+        self.scene, self.width, self.height, self.seed = scene, width, height, seed
+        self.machine = machine or Machine()
+        self.budget = budget
+        """Rays that the maintenance of the next frame may spend."""
+        self._hold = None
+        if hold is not None:
+            self.sampling.require(hold.least, scene)
+            self._hold = BudgetController(hold, budget)
+            self.budget = self._hold.budget
         first = scene.at(0)
         self.structure = Structure(first, backend, recorder, threads, self.pipeline.structure)
         if lightmaps is None:
@@ -228,14 +249,18 @@ class Renderer:
         if self.pipeline.versions == 1:
             # What this frame shows is only made by its own maintenance.
             (maintenance,) = run_together(collector, clock, maintain)
-            self._commit(number, before, maintenance, clock)
+            published = self._commit(number, before, maintenance, clock)
             lightmap = self.chain.read(self._shown(number))
-            (image,) = run_together(collector, clock, self._picture(lightmap, collector, clock))
+            ((image, rays),) = run_together(collector, clock, self._picture(lightmap, collector, clock))
         else:
             lightmap = self.chain.read(self._shown(number))
             picture = self._picture(lightmap, collector, clock)
-            maintenance, image = run_together(collector, clock, maintain, picture)
-            self._commit(number, before, maintenance, clock)
+            maintenance, (image, rays) = run_together(collector, clock, maintain, picture)
+            published = self._commit(number, before, maintenance, clock)
+        counts = self._counts(world, raster.figures, rays, maintenance, published)
+        budget = self.budget
+        if self._hold is not None:
+            self.budget = self._hold.observe(measure(self.machine, counts))
         self.next_frame += 1
         return FrameResult(
             frame=number,
@@ -243,7 +268,10 @@ class Renderer:
             scene=scene,
             view=view,
             gbuffer=raster.gbuffer,
+            budget=budget,
             maintenance=maintenance,
+            frame_rays=rays,
+            counts=counts,
             lightmap=lightmap,
             seconds=clock.seconds,
         )
@@ -273,10 +301,12 @@ class Renderer:
         if result.frame != self.next_frame - 1:
             raise ValueError(f"frame {result.frame} is over: {self.next_frame - 1} is the last one")
         collector, clock = self._collector(result.scene), Stopwatch()
-        (image,) = run_together(collector, clock, self._picture(published, collector, clock))
+        ((image, _),) = run_together(collector, clock, self._picture(published, collector, clock))
         return image
 
-    def _picture(self, published: np.ndarray, collector: Collector, clock: Stopwatch) -> Waves[np.ndarray]:
+    def _picture(
+        self, published: np.ndarray, collector: Collector, clock: Stopwatch
+    ) -> Waves[tuple[np.ndarray, FrameRayFigures]]:
         """The picture of the frame just drawn: what fragment shading finds, and what its rays add."""
         drawn = self._latest
         surfaces = self._surfaces(drawn.scene, published)
@@ -299,22 +329,19 @@ class Renderer:
                 rays.receive(collector)
         with clock("blend picture"):
             weight = ray_weights(surfaces, drawn.gbuffer)
-            return blend_frame(raster, rays.buffer.values(), weight, self.pipeline.blend)
+            return blend_frame(raster, rays.buffer.values(), weight, self.pipeline.blend), rays.figures
 
     def _fragments(self, surfaces: Surfaces, drawn: "_Drawn") -> np.ndarray:
         """What fragment shading finds at each pixel, (H, W, 3) float32.
 
         An immediate rasterizer shades while it draws: only there does it meet the fragments that others cover later.
         """
-        shade = partial(shade_fragments, surfaces)
         if not self.pipeline.raster.deferred:
+            shade = partial(shade_fragments, surfaces)
             image = draw(drawn.view, self._mesh(drawn.scene), self.pipeline.raster, shade).image
             assert image is not None
             return image
-        image = np.zeros((*drawn.gbuffer.shape, 3), dtype=np.float32)
-        seen = drawn.gbuffer["primitive"] >= 0
-        image[seen] = shade(drawn.gbuffer[seen])
-        return image
+        return shade_pixels(surfaces, drawn.gbuffer)
 
     def _mesh(self, scene: Scene) -> Mesh:
         textured = scene.textures and (scene.texture >= 0).any()
@@ -330,18 +357,51 @@ class Renderer:
         """The version that a frame's shading reads: its own number, or with a chain of one what its own rays found."""
         return frame + (self.pipeline.versions == 1)
 
-    def _commit(self, frame: int, before: np.ndarray, done: Maintenance, clock: Stopwatch) -> None:
+    def _commit(self, frame: int, before: np.ndarray, done: Maintenance, clock: Stopwatch) -> int:
         """Puts what frame `frame` has changed into the version after the newest, which was `before`.
 
-        The frame before is done.
+        The frame before is done. Returns how many texels are published.
         """
         with clock("publish"):
             if self._shown(frame):
                 self.chain.release(self._shown(frame) - 1)
             version = self.chain.newest + 1
             self.chain.begin(version)
-            self.chain.write(version, self.publisher.difference(before, self.state, done.texels))
+            difference = self.publisher.difference(before, self.state, done.texels)
+            self.chain.write(version, difference)
             self.chain.commit(version)
+        return len(difference.texel)
+
+    def _counts(
+        self, world: World, raster: RasterFigures, rays: FrameRayFigures, done: Maintenance, published: int
+    ) -> FrameCounts:
+        """The work of the frame just done."""
+        scene, before = world.scene, self.scene.at(max(self.next_frame - 1, 0))
+        moved = (scene.rotation != before.rotation).any(axis=(1, 2)) | (scene.translation != before.translation).any(
+            axis=1
+        )
+        trees = self.structure.figures()
+        spent = Counter(done.rays)
+        pixels = self.width * self.height
+        return FrameCounts(
+            moved=int(moved[scene.object_id].sum()),
+            refitted=trees.refitted_triangles,
+            rebuilt=trees.built_triangles,
+            triangles=raster.set_up,
+            fragments_tested=raster.tested,
+            fragments_shaded=raster.shaded,
+            frame_shader_pixels=pixels if self.pipeline.shading.direct == "rays" else 0,
+            pixels=pixels,
+            fragment_rays=RayCounts(closest=rays.specular, any_hit=rays.hit_shadow),
+            frame_rays=RayCounts(any_hit=rays.shadow),
+            lightmap_rays=RayCounts(
+                closest=spent["indirect"] + spent["specular"] + spent["footprints"],
+                any_hit=spent["shadow"] + spent["visibility"],
+            ),
+            scanned=2 * len(self.maintainer.selector.order),
+            updates=len(done.texels),
+            published=published,
+        )
 
 
 def render(scene: Scene, frames: int, **options: Any) -> Iterator[FrameResult]:

@@ -194,6 +194,16 @@ class Selector:
             touched=touched(records, boxes).any(axis=0),
         )
 
+    def longest_wait(self, budget: int, cost: int) -> int:
+        """Frames in a row that a texel can count as likely to be seen, or seen, without being sampled in any of them.
+
+        For frames of `budget` rays and `cost` a texel. The sweep goes round V texels, and takes floor(F u s / 256) - 1
+        in F frames of u certain updates with a share s (`Share.of`).
+        """
+        certain = (budget - budget * self.policy.rays_share // SHARE) // cost
+        share = self.policy.sweep or self.policy.probe
+        return -(-(len(self.order) + 1) * SHARE // (certain * share)) if certain * share else 1 << 62
+
     def spend(self, plan: Plan, count: int) -> None:
         """Says that the first `count` of the plan's spare texels are updated too: their turns have passed."""
         for texel, rank in zip(plan.spare[:count], plan.spare_class[:count], strict=True):

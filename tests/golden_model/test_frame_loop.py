@@ -1,0 +1,164 @@
+"""The frame loop on random scenes that move: the budget holds, nothing that is seen starves, the bits are fixed."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+from golden_model import maintenance
+from golden_model.frame_shader import FrameShading
+from golden_model.gather import Sampling, gather
+from golden_model.policy import POLICIES, Policy
+from golden_model.recorder import TestRecorder
+from golden_model.renderer import FrameResult, Pipeline, Renderer
+from golden_model.scene import Scene
+from golden_model.traversal import backend_of
+from golden_model.visibility import LIKELY
+from tests.golden_model.moving_scenes import MOVING, scene_of
+
+SIZE: dict[str, Any] = {"width": 24, "height": 20}
+CAMERA = """
+[camera]
+position = [0.5, 2.0, 6.0]
+target = [0.0, 1.0, 0.0]
+[[camera.path]]
+frame = 0
+position = [0.5, 2.0, 6.0]
+target = [0.0, 1.0, 0.0]
+[[camera.path]]
+frame = 6
+position = [4.0, 1.0, 4.0]
+target = [0.0, 1.0, 0.0]
+"""
+
+
+def room(folder: Path, seed: int, specular: bool) -> Scene:
+    """A room with a few boxes and balls of random places, sizes and paths, under a lamp that flickers."""
+    random = np.random.default_rng(seed)
+    text = "texel_size = 0.5\n" + CAMERA + MOVING[: MOVING.index("[[sphere]]")].replace("texel_size = 0.25\n", "")
+    for number in range(int(random.integers(1, 5))):
+        kind = random.choice(["box", "sphere"])
+        centre = random.uniform([-2, 0.5, -2], [2, 2, 2]).round(2).tolist()
+        shape = f"size = {random.uniform(0.3, 1.2, 3).round(2).tolist()}" if kind == "box" else "radius = 0.5"
+        surface = random.choice(["mirror", "glass", "diffuse"]) if specular else "diffuse"
+        text += f'[[{kind}]]\nname = "thing {number}"\ncenter = {centre}\n{shape}\nmaterial = "{surface}"\n'
+        if random.random() < 0.7:
+            for frame in (0, int(random.integers(1, 7))):
+                shift = random.uniform(-1, 1, 3).round(2).tolist()
+                present = "true" if random.random() < 0.8 else "false"
+                text += f"[[{kind}.path]]\nframe = {frame}\ntranslate = {shift}\npresent = {present}\n"
+    return scene_of(folder, text)
+
+
+@st.composite
+def policies(draw: st.DrawFn) -> Policy:
+    """A policy with its shares and its tests at random."""
+    return replace(
+        POLICIES[draw(st.sampled_from(sorted(POLICIES)))],
+        sweep=draw(st.integers(1, 128)),
+        probe=draw(st.integers(0, 128)),
+        rays_share=draw(st.integers(0, 128)),
+        ray_test=draw(st.booleans()),
+        invalidate=draw(st.booleans()),
+        influence=draw(st.sampled_from(["off", "volumes", "footprints"])),
+    )
+
+
+# Shrinking would take minutes and say no more than the seed.
+@settings(max_examples=12, deadline=None, derandomize=True, phases=[Phase.generate])
+@given(
+    seed=st.integers(0, 10**6),
+    specular=st.booleans(),
+    budget=st.integers(200, 6000),
+    directions=st.sampled_from([1, 4, 16]),
+    direct=st.sampled_from(["maps", "rays"]),
+    versions=st.integers(1, 3),
+    policy=policies(),
+)
+def test_budget_is_never_exceeded_and_nothing_seen_starves(
+    tmp_path_factory: pytest.TempPathFactory,
+    seed: int,
+    specular: bool,
+    budget: int,
+    directions: int,
+    direct: Any,
+    versions: int,
+    policy: Policy,
+) -> None:
+    """Rays are counted where they are traced. A texel seen in `longest_wait` frames in a row is sampled in one."""
+    scene = room(tmp_path_factory.mktemp("scene"), seed, specular)
+    sampling = Sampling(directions=directions, light_samples=2, direct=direct, priming=2)
+    if budget < sampling.reserve(scene.specular):
+        return
+    recorder = TestRecorder(1, 0)
+    pipeline = Pipeline(shading=FrameShading(direct=direct, bounces=0, shadow_samples=1), versions=versions)
+    renderer = Renderer(
+        scene, budget=budget, sampling=sampling, policy=policy, pipeline=pipeline, recorder=recorder, **SIZE
+    )
+    assert recorder.rays == renderer.priming_rays <= 2 * budget
+    waiting = np.zeros(len(renderer.state), dtype=np.int64)
+    bound = renderer.maintainer.selector.longest_wait(budget, sampling.reserve(scene.specular))
+    for _ in range(8):
+        before = recorder.rays
+        result = renderer.frame()
+        spent = sum(result.maintenance.rays.values())
+        assert spent <= budget, f"seed {seed}"
+        assert recorder.rays - before == spent + result.frame_rays.total, f"seed {seed}"
+        waiting = np.where(result.maintenance.plan.degree >= LIKELY, waiting + 1, 0)
+        waiting[result.maintenance.texels] = 0
+        assert waiting.max() <= bound, f"seed {seed}, frame {result.frame}"
+
+
+def frames_of(scene: Scene, count: int, **options: Any) -> list[FrameResult]:
+    renderer = Renderer(scene, budget=2500, sampling=Sampling(directions=4, priming=2), **SIZE, **options)
+    return [renderer.frame() for _ in range(count)]
+
+
+def same(one: list[FrameResult], two: list[FrameResult]) -> bool:
+    """Whether all bits of pictures, maps and counts are the same."""
+    return all(
+        a.image.tobytes() == b.image.tobytes()
+        and a.gbuffer.tobytes() == b.gbuffer.tobytes()
+        and a.lightmap.tobytes() == b.lightmap.tobytes()
+        and a.maintenance.rays == b.maintenance.rays
+        for a, b in zip(one, two, strict=True)
+    )
+
+
+@pytest.mark.parametrize("specular", [False, True])
+def test_the_same_seed_gives_the_same_bits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, specular: bool) -> None:
+    """With NumPy and numba, with one and two threads, with any grouping of rays and any order of maintenance."""
+    seed = 12
+    scene = room(tmp_path, seed, specular)
+    once = frames_of(scene, 5, backend="numpy", seed=seed)
+    assert same(once, frames_of(scene, 5, backend="numpy", threads=2, seed=seed))
+    if backend_of("auto") == "numba":
+        assert same(once, frames_of(scene, 5, backend="numba", seed=seed))
+        assert same(once, frames_of(scene, 5, backend="numba", threads=2, seed=seed))
+    assert not same(once, frames_of(scene, 5, backend="numpy", seed=seed + 1))
+
+    random = np.random.default_rng(seed)
+
+    def shuffled(world: Any, update: Any, *others: Any) -> Any:
+        """The update's texels in another order."""
+        order = random.permutation(len(update.texel))
+        mixed = replace(update, texel=update.texel[order], record=update.record[order], number=update.number[order])
+        done = yield from gather(world, mixed, *others)
+        back = np.argsort(order)
+        return replace(done, irradiance=done.irradiance[back], spread=done.spread[back])
+
+    monkeypatch.setattr(maintenance, "gather", shuffled)
+    assert same(once, frames_of(scene, 5, seed=seed))
+
+
+def test_maintenance_does_not_depend_on_the_picture(tmp_path: Path) -> None:
+    """What the maps become is the same whatever the rays of the frame are (claims 6 and 7: asynchronous)."""
+    scene = room(tmp_path, 3, specular=True)
+    one = frames_of(scene, 4)
+    two = frames_of(scene, 4, pipeline=Pipeline(shading=FrameShading(bounces=0), filtered=False, blend="raster"))
+    assert all(a.lightmap.tobytes() == b.lightmap.tobytes() for a, b in zip(one, two, strict=True))
+    assert not same(one, two)
