@@ -85,6 +85,9 @@ class Forest:
         groups = [[k] for k in range(len(scene.object_names))] if options.demand else scene.bodies
         bodies = [_Body(scene, objects) for objects in groups]
         self._bodies = [body for body in bodies if len(body.members)]
+        self._joined: list[Bvh] = []
+        self.joined = join([], [], scene.triangles)
+        """The tree over all bodies that have their detail."""
         self.update(scene)
 
     def update(self, scene: Scene) -> None:
@@ -100,10 +103,13 @@ class Forest:
         for number in self._here:
             body = self._bodies[number]
             body.ready = body.tree is not None and body.place == body.place_in(scene)
-            if body.ready:
+            if body.tree is not None and body.ready:
+                # Its box may be that of a frame in between, in which no ray asked for it.
+                body.box = np.stack([body.tree.lower[0], body.tree.upper[0]])
                 self.figures.kept += 1
             else:
-                corners = np.stack([scene.triangles[name][body.members] for name in TRIANGLE.names or ()])
+                triangles = scene.triangles.take(body.members)
+                corners = np.stack([triangles[name] for name in TRIANGLE.names or ()])
                 body.box = np.stack([corners.min(axis=(0, 1)), corners.max(axis=(0, 1))])
                 self.waiting.append(number)
         if self.options.demand:
@@ -136,7 +142,7 @@ class Forest:
 
     def _follow(self, body: _Body) -> None:
         """Makes the body's tree that of this frame."""
-        triangles = self._scene.triangles[body.members]
+        triangles = self._scene.triangles.take(body.members)
         if body.tree is None:
             body.tree = build(triangles)
             body.cost = body.tree.sah_cost
@@ -155,10 +161,12 @@ class Forest:
         body.ready = True
 
     def _join(self) -> None:
-        """Renews `joined`, the tree over everything that has its detail."""
+        """Renews `joined`, unless it is over the same trees already."""
         ready = [self._bodies[number] for number in self._here if self._bodies[number].ready]
         trees = [body.tree for body in ready if body.tree is not None]
-        self.joined: Bvh = join(trees, [body.members for body in ready], self._scene.triangles)
+        if trees != self._joined:
+            self._joined = trees
+            self.joined = join(trees, [body.members for body in ready], self._scene.triangles)
 
 
 def join(trees: list[Bvh], members: list[np.ndarray], triangles: np.ndarray) -> Bvh:

@@ -10,7 +10,7 @@ from golden_model import traversal
 from golden_model.bvh import Bvh, build
 from golden_model.cornell_box import cornell_box
 from golden_model.errors import InputError
-from golden_model.forest import ForestOptions
+from golden_model.forest import Forest, ForestOptions
 from golden_model.formats import RAY, TRIANGLE
 from golden_model.recorder import TestRecorder
 from golden_model.scene import Scene
@@ -93,6 +93,19 @@ def test_two_frames_far_apart_and_back(moving: Scene) -> None:
             continue
         expected = traversal.trace(build(moving.at(frame).triangles), rays)
         assert structure.trace(rays).tobytes() == expected.tobytes(), f"frame {frame}, seed {SEED}"
+
+
+def test_the_box_of_what_is_back_in_its_place_is_back_too(tmp_path: Path) -> None:
+    """It takes part in the pad of the box test, also where its detail was never made for the frame in between."""
+    away = "[[box]]\ncenter = [0, 20, 0]\nsize = [1, 1, 1]\n[[box.path]]\nframe = 0\n[[box.path]]\nframe = 1\n"
+    scene = scene_of(
+        tmp_path, ROOM + away + "translate = [0, -19, 0]\n[[box.path]]\nframe = 2\ntranslate = [0, 0, 0]\n"
+    )
+    forest = Forest(scene.at(0), ForestOptions(demand=True))
+    forest.demand(list(forest.waiting))
+    for frame, top in ((0, 20.5), (1, 3.0), (2, 20.5)):
+        forest.update(scene.at(frame))
+        assert forest.bounds()[1, 1] == top, frame
 
 
 def test_figures_count_the_work(moving: Scene) -> None:
