@@ -61,6 +61,18 @@ class Keyframe:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RenderDefaults:
+    """What `lightloom render` takes where its options say nothing; None: the file says nothing either."""
+
+    frames: int | None = None
+    """Frames of the film, 1 or more."""
+    size: tuple[int, int] | None = None
+    """Width and height in pixels, 1 or more each."""
+    budget: int | None = None
+    """Rays that a frame may spend on the lightmaps, 1 or more."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Part:
     """One object on its way into a scene."""
 
@@ -141,6 +153,8 @@ class Scene:
     """Factor by which `emission` differs from that at rest, of each object, (O,) float32; 0 where it is absent."""
     present: np.ndarray
     """(O,) bool. The triangles of an absent object have NaN vertices: no ray and no pixel meets them."""
+    render: RenderDefaults = field(default_factory=RenderDefaults)
+    """How it is meant to be rendered."""
     coarse: "Scene | None" = None
     """The same objects and materials with fewer triangles ([0055]); None: no object has another form."""
     rest: "Scene | None" = field(default=None, repr=False)

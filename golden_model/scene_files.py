@@ -1,15 +1,17 @@
 """Scene descriptions in TOML (docs/scenes.md describes the format)."""
 
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from golden_model.camera import LARGEST_SIDE
 from golden_model.cornell_box import CAMERA, PATH
 from golden_model.errors import InputError
 from golden_model.formats import POINT_LIGHT
 from golden_model.paths import LightPath
-from golden_model.scene import Camera, Keyframe, Scene, assemble, vector
+from golden_model.scene import Camera, Keyframe, RenderDefaults, Scene, assemble, vector
 from golden_model.scene_objects import BOX, MESH, QUAD, SPHERE, Objects
 from golden_model.scene_paths import key_frame, light_path
 from golden_model.scene_tables import Table
@@ -25,7 +27,7 @@ def load_toml(path: Path) -> Scene:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: not a TOML file ({' '.join(str(error).split())})") from error
-    known = ("name", "texel_size", "camera", "mesh", "quad", "box", "sphere", "point_light")
+    known = ("name", "texel_size", "render", "camera", "mesh", "quad", "box", "sphere", "point_light")
     scene = Table(str(path), values, known)
     objects = Objects(path.parent)
     parts = [part for table in scene.tables("mesh", MESH) for part in objects.mesh(table)]
@@ -34,7 +36,7 @@ def load_toml(path: Path) -> Scene:
     parts += [objects.sphere(table) for table in scene.tables("sphere", SPHERE)]
     lights, light_paths = _point_lights(scene)
     camera, keys = _camera(scene)
-    return assemble(
+    assembled = assemble(
         name=scene.text("name", path.stem),
         parts=parts,
         where=str(path),
@@ -43,6 +45,23 @@ def load_toml(path: Path) -> Scene:
         point_lights=lights,
         light_path=light_paths,
         texel_size=scene.positive("texel_size") if "texel_size" in scene else None,
+    )
+    return replace(assembled, render=_render_defaults(scene))
+
+
+def _render_defaults(scene: Table) -> RenderDefaults:
+    """The [render] table, where there is one."""
+    table = Table(f"{scene.where}, [render]", scene.values.get("render", {}), ("frames", "size", "budget"))
+    size = None
+    if "size" in table:
+        wide, high = (int(x) for x in table.numbers("size", 2))
+        if [wide, high] != table.values["size"] or not (1 <= wide <= LARGEST_SIDE and 1 <= high <= LARGEST_SIDE):
+            raise InputError(f"{table.where}: `size` must be two whole numbers, 1 to {LARGEST_SIDE}")
+        size = wide, high
+    return RenderDefaults(
+        frames=table.whole("frames", 1) if "frames" in table else None,
+        size=size,
+        budget=table.whole("budget", 1) if "budget" in table else None,
     )
 
 
