@@ -5,7 +5,7 @@ into collections: of the same test (nearest or any hit), through the same geomet
 from the same cell of space. These are the rays that meet the same nodes and triangles. A collection is traced when it
 is full, and every result goes back to the emitter of its ray, in the order in which that emitter sent its rays.
 
-How it works in hardware ([0090]). The bits of a ray's kind, its scheduling key, are hashed to one of a fixed number of
+How it works in hardware ([0090]). The bits of a ray's kind, its scheduling key, select one of a fixed number of
 collection definitions. A definition holds the key of one open collection and the slot that its rays are stored in. A
 ray of the same key joins; a full collection's slot goes on the ready stack, and a new slot is taken from the empty
 stack with the next ray. A ray of another key forces the collection out before it is full. When the emitters are done,
@@ -23,7 +23,6 @@ import numpy as np
 from golden_model.errors import InputError
 from golden_model.floats import flush, quiet
 from golden_model.formats import HIT, RAY
-from golden_model.random import hash_u32
 
 FRAGMENT_SHADING, FRAME_SHADER, MAINTENANCE = "fragment shading", "frame shader", "lightmap maintenance"
 _WHOLE_RAY, _WHOLE_HIT = (
@@ -44,9 +43,9 @@ class Packing:
 
     capacity: int = 64
     """Rays of a full collection, 1 to 1024."""
-    definitions: int = 256
+    definitions: int = 1024
     """Collections that may be open at a time, a power of two, 1 to 65536."""
-    cells: int = 8
+    cells: int = 4
     """Cells of space along each axis, a power of two, 1 to 64."""
 
     def __post_init__(self) -> None:
@@ -155,6 +154,11 @@ class Collector:
             key = key * np.uint32(self.packing.cells) + cell
         return key
 
+    def definition(self, key: np.ndarray) -> np.ndarray:
+        """The definition that scheduling keys (N,) uint32 belong to, (N,) uint16: the low bits xor the next ones."""
+        bits = np.uint32(self.packing.definitions.bit_length() - 1)
+        return ((key ^ (key >> bits)) & np.uint32(self.packing.definitions - 1)).astype(np.uint16)
+
     def _pack(self, key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Collections of a stream of keys (N,): the rays in order of their collections, and where each begins.
 
@@ -163,7 +167,7 @@ class Collector:
         returned in the order in which they leave: with the ray that fills them or forces them out; the rest at the end.
         """
         count = len(key)
-        definition = (hash_u32(key) & np.uint32(self.packing.definitions - 1)).astype(np.uint16)
+        definition = self.definition(key)
         order = np.argsort(definition, kind="stable")  # 16 bits: a radix sort
         key, definition = key[order], definition[order]
         change = np.concatenate([[True], key[1:] != key[:-1]])

@@ -15,7 +15,6 @@ from golden_model.collector import (
 )
 from golden_model.errors import InputError
 from golden_model.formats import HIT, RAY
-from golden_model.random import hash_u32
 from golden_model.scene import MIRROR
 from golden_model.structure import Structure
 from tests.golden_model.frame_scenes import ball, room, scene_of
@@ -76,7 +75,7 @@ def packed_one_by_one(key: list[int], packing: Packing) -> list[list[int]]:
     open_now: dict[int, list[int]] = {}
     left: list[list[int]] = []
     for ray, own in enumerate(key):
-        place = int(hash_u32(np.uint32(own))) & (packing.definitions - 1)
+        place = (own ^ (own >> (packing.definitions.bit_length() - 1))) & (packing.definitions - 1)
         held = open_now.get(place)
         if held is not None and key[held[0]] != own:
             left.append(open_now.pop(place))
