@@ -131,7 +131,7 @@ class FrameRays:
         """Of GBUFFER (H, W). `fraction` is that of the buffer; `seed` and `frame` choose the samples."""
         self.options = options or FrameShading()
         self.figures = FrameRayFigures()
-        self.buffer = RayBuffer(*gbuffer.shape, fraction)
+        self.buffer = RayBuffer(gbuffer.shape[0], gbuffer.shape[1], fraction)
         self._surfaces, self._lights = surfaces, lights
         self._bounce = 0  # mirrors that the paths on their way have met
         self._flying: tuple[_Specular | None, list[_Shadows]] = (None, [])

@@ -1,5 +1,6 @@
 """Small scenes and what a frame's stages need of them, for the tests of the frame pipeline."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from golden_model.collector import Collector, Packing
 from golden_model.formats import POINT_LIGHT
 from golden_model.lightmap import Lightmaps
 from golden_model.rasterizer import Mesh, draw
-from golden_model.scene import DIFFUSE, Part, Scene, assemble
+from golden_model.scene import Part, Scene, assemble
 from golden_model.shading import Surfaces
 from golden_model.shapes import icosphere, quad_triangles
 from golden_model.structure import Structure
@@ -59,7 +60,7 @@ def room(albedo: float = 0.5) -> list[Part]:
     return parts
 
 
-def scene_of(parts: list[Part], lights: list[tuple] = (), texel_size: float = 0.25) -> Scene:  # type: ignore[assignment]
+def scene_of(parts: list[Part], lights: Sequence[tuple] = (), texel_size: float = 0.25) -> Scene:
     """Parts and point lights (position, intensity) to a scene."""
     points = np.zeros(len(lights), dtype=POINT_LIGHT)
     for k, (position, intensity) in enumerate(lights):
@@ -105,9 +106,6 @@ def seen_from(
     return Frame(view, draw(view, mesh_of(scene, maps)).gbuffer, surfaces, Structure(scene))
 
 
-def flat_light(scene: Scene, value: float) -> np.ndarray:
+def flat_light(scene: Scene, value: float | np.floating) -> np.ndarray:
     """The same irradiance in every texel of the scene's maps."""
     return np.full((len(unwrap(scene).texels), 3), value, dtype=np.float32)
-
-
-__all__ = ["DIFFUSE", "Frame", "ball", "flat_light", "mesh_of", "part", "quad", "room", "scene_of", "seen_from"]

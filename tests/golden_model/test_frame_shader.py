@@ -12,7 +12,7 @@ from golden_model.errors import InputError
 from golden_model.frame_shader import FrameRays, FrameShading, trace_frame
 from golden_model.lights import lights_of
 from golden_model.ray_buffer import RayBuffer
-from golden_model.scene import GLASS, MIRROR
+from golden_model.scene import GLASS, MIRROR, Part
 from golden_model.shading import ray_weights, shade_pixels
 from golden_model.structure import Structure
 from tests.golden_model.frame_scenes import Frame, ball, flat_light, quad, room, scene_of, seen_from
@@ -33,7 +33,7 @@ def picture(frame: Frame, options: FrameShading | None = None, mode: str = "both
     return blend_frame(raster, buffer.values(), ray_weights(surfaces, frame.gbuffer), mode)
 
 
-def lamp(y: float = 0.999) -> object:
+def lamp(y: float = 0.999) -> Part:
     return quad("lamp", [(-0.2, y, -0.2), (0.2, y, -0.2), (0.2, y, 0.2), (-0.2, y, 0.2)], 0.5, emission=5.0)
 
 

@@ -33,7 +33,7 @@ def keys(count: int) -> np.ndarray:
     return np.arange(count, dtype=np.uint32)
 
 
-def exact_fresnel(cosine: np.ndarray, eta: np.ndarray) -> np.ndarray:
+def exact_fresnel(cosine: np.ndarray, eta: np.ndarray | np.floating) -> np.ndarray:
     """In float64, from the angles' sines: 1 where all is reflected."""
     sine2 = eta**2 * (1 - cosine**2)
     inner = np.sqrt(np.maximum(1 - sine2, 0))
@@ -66,7 +66,7 @@ def test_fresnel_reflectance_against_the_exact_formula(ior: float) -> None:
     cosine = np.linspace(1e-3, 1, 2001).astype(np.float32)
     for eta in (np.float32(1) / np.float32(ior), np.float32(ior)):
         computed = fresnel(cosine, np.broadcast_to(eta, cosine.shape))
-        exact = exact_fresnel(cosine.astype(np.float64), float(eta))
+        exact = exact_fresnel(cosine.astype(np.float64), np.float64(eta))
         critical = np.abs(float(eta) ** 2 * (1 - cosine.astype(np.float64) ** 2) - 1) < 1e-3  # infinitely steep there
         assert np.abs(computed - exact)[~critical].max() < 2e-5
         assert (computed >= 0).all()

@@ -112,12 +112,12 @@ def test_lightmaps_are_read_with_the_level_of_detail_where_asked_for() -> None:
     frame = seen_from(scene, (0, 4, 4), (0, 0, 0), tan=0.3, size=40, irradiance=values)
     fragment = frame.gbuffer[frame.gbuffer["primitive"] >= 0]
     assert (fragment["lod"] > 128).all()
-    read = [fragment["object"], fragment["lightmap"]]
+    owner, place = fragment["object"], fragment["lightmap"]
     inverse_pi = np.float32(0.31830987)
     near = shade_fragments(frame.surfaces, fragment)
-    assert (near == bilinear(maps, values, *read) * inverse_pi).all()
+    assert (near == bilinear(maps, values, owner, place) * inverse_pi).all()
     far = shade_fragments(replace(frame.surfaces, filtered=True), fragment)
-    assert (far == sample(maps, values, *read, fragment["lod"]) * inverse_pi).all()
+    assert (far == sample(maps, values, owner, place, fragment["lod"]) * inverse_pi).all()
     assert far.std() < 0.7 * near.std()
 
 
