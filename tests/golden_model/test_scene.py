@@ -210,6 +210,22 @@ def test_shading_normals_are_smooth_below_the_crease_and_sharp_above() -> None:
 # --- scene descriptions -------------------------------------------------------------------------------------------
 
 
+def test_the_documented_motion_loads(tmp_path: Path) -> None:
+    text = (SCENES.parent / "docs" / "scenes.md").read_text(encoding="utf-8")
+    path = tmp_path / "motion.toml"
+    path.write_text(re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)[1], encoding="utf-8")
+    scene = load_scene(path)
+    assert scene.dynamic
+    assert scene.last_frame == 120, "that of the camera"
+    assert scene.coarse is not None
+    ball, door = scene.object_names.index("ball"), scene.object_names.index("door")
+    assert [bool(scene.at(frame).present[ball]) for frame in (0, 19, 20)] == [False, False, True]
+    assert [scene.at(frame).point_lights["intensity"][0, 0] for frame in (49, 50)] == [20000, 0]
+    hinge = scene.at(40).corners[scene.object_id == door].reshape(-1, 3)
+    assert np.allclose(hinge.max(axis=0), [347, 220, 110], atol=1e-3), "open: along z at the hinge"
+    assert scene.at(90).triangles.tobytes() == scene.at(180).triangles.tobytes()
+
+
 @pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)
 def test_committed_scenes_load(path: Path) -> None:
     needed = re.findall(r'^file = "(.*)"', path.read_text(), flags=re.MULTILINE)
@@ -227,7 +243,7 @@ def test_committed_scenes_load(path: Path) -> None:
 def test_the_documented_scene_loads(tmp_path: Path) -> None:
     text = (SCENES.parent / "docs" / "scenes.md").read_text(encoding="utf-8")
     example = re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)
-    assert len(example) == 1
+    assert len(example) == 2
     path = tmp_path / "example.toml"
     path.write_text(example[0], encoding="utf-8")
     scene = load_scene(path)
