@@ -53,7 +53,7 @@ def _coarser(owner: np.ndarray, covered: np.ndarray) -> tuple[np.ndarray, np.nda
 
     exists = fours(np.ones(owner.shape, dtype=np.bool_), False)
     charts, inside = fours(owner, MIXED), fours(covered, False)
-    above = inside.any(axis=2)
+    above = inside.sum(axis=2) > 0
     counts = np.where(above[..., None], inside, exists)
     low = np.where(counts, charts, np.iinfo(charts.dtype).max).min(axis=2)
     high = np.where(counts, charts, MIXED).max(axis=2)

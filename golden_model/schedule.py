@@ -165,7 +165,8 @@ class _Simulation:
         while self.pending:
             rates = self._shares(self._settle())
             steps = [-(-task.left // rate) for task, rate in rates]
-            steps += [task.earliest - self.now for task in self._current() if (task.earliest or 0) > self.now]
+            coming = [task.earliest for task in self._current() if task.earliest is not None]
+            steps += [time - self.now for time in coming if time > self.now]
             if self.pending:
                 assert steps, "stages wait for each other"
                 self._advance(min(steps), rates)

@@ -1,6 +1,7 @@
 """Frames laid out in time: dependencies of FIG. 5, shares, frames in flight, versions of the lightmaps."""
 
 from collections import defaultdict
+from dataclasses import fields
 
 import pytest
 from hypothesis import given, settings
@@ -35,16 +36,12 @@ def spans(plan: Schedule) -> dict[tuple[int, str], tuple[int, int]]:
     return found
 
 
-def counts(draw: st.DrawFn) -> FrameCounts:
-    rays = st.builds(RayCounts, closest=st.integers(0, 9000), any_hit=st.integers(0, 9000))
-    small = st.integers(0, 9000)
-    names = [
-        "moved", "refitted", "rebuilt", "triangles", "fragments_tested", "fragments_shaded",
-        "frame_shader_pixels", "pixels", "scanned", "updates", "published",
-    ]  # fmt: skip
-    values = {name: draw(small) for name in names}
-    kinds = {name: draw(rays) for name in ("fragment_rays", "frame_rays", "lightmap_rays")}
-    return FrameCounts(**values, **kinds)
+SMALL = st.integers(0, 9000)
+RAYS = st.builds(RayCounts, closest=SMALL, any_hit=SMALL)
+COUNTS = st.builds(
+    FrameCounts,
+    **{item.name: RAYS if isinstance(item.default, RayCounts) else SMALL for item in fields(FrameCounts)},
+)
 
 
 @st.composite
@@ -59,7 +56,7 @@ def runs(draw: st.DrawFn) -> tuple[Machine, list[FrameCounts]]:
         shader_share=draw(st.integers(1, 255)),
         input_cycles=draw(st.integers(0, 5000)),
     )
-    return machine, [counts(draw) for _ in range(draw(st.integers(1, 6)))]
+    return machine, draw(st.lists(COUNTS, min_size=1, max_size=6))
 
 
 @settings(deadline=None, max_examples=40, derandomize=True)
