@@ -27,6 +27,9 @@ LARGEST, SMALLEST = 2.0**40, 2.0**-40
 DIFFUSE, MIRROR, GLASS = 0, 1, 2
 """Kinds of surface: diffuse ones have lightmaps; mirrors reflect, glass reflects and refracts, both without blur."""
 
+KEPT_FRAMES = 4
+"""Scenes of frames that a scene at rest keeps: a frame, those in flight beside it, and the one before."""
+
 DEFAULT_IOR = 1.5
 """Index of refraction of glass whose file names none."""
 
@@ -191,10 +194,20 @@ class Scene:
         """The scene of a frame, 0 or more; of any scene of the sequence, at rest or not, the same.
 
         Arrays that do not change are shared with the scene at rest; where nothing ever changes it is that very scene.
+        The last few frames asked for are kept.
         """
         from golden_model.motion import posed  # it takes scenes, so it imports this module
 
-        return posed(self if self.rest is None else self.rest, frame)
+        rest = self if self.rest is None else self.rest
+        if frame not in rest._frames:
+            while len(rest._frames) >= KEPT_FRAMES:
+                del rest._frames[next(iter(rest._frames))]
+            rest._frames[frame] = posed(rest, frame)
+        return rest._frames[frame]
+
+    @functools.cached_property
+    def _frames(self) -> "dict[int, Scene]":
+        return {}
 
     @functools.cached_property
     def lightmapped(self) -> np.ndarray:

@@ -11,7 +11,7 @@ from golden_model import bvh, traversal
 from golden_model.charts import unwrap
 from golden_model.cornell_box import cornell_box
 from golden_model.lightmap import BURIED, EMPTY, VALID, Lightmaps
-from golden_model.motion import Kind, changes, moved_records
+from golden_model.motion import Kind, changes, moved_records, posed
 from golden_model.scene import Scene, require_light
 from tests.golden_model.moving_scenes import MOVING, ROOM, scene_of
 
@@ -48,13 +48,14 @@ def test_a_scene_without_any_path_is_the_same_object(tmp_path: Path) -> None:
 
 
 def test_frames_can_be_asked_for_in_any_order(moving: Scene) -> None:
-    direct, detour = moving.at(7), moving.at(3).at(11).at(7)
+    direct, detour = posed(moving, 7), moving.at(3).at(11).at(7)
     for item in fields(Scene):
         one, other = getattr(direct, item.name), getattr(detour, item.name)
         if isinstance(one, np.ndarray):
             assert one.tobytes() == other.tobytes(), item.name
-    assert direct.frame == 7
-    assert direct.rest is moving
+    assert detour.frame == 7
+    assert moving.at(7) is detour, "asked for a moment ago"
+    assert detour.rest is moving
     assert moving.last_frame == 12
 
 
