@@ -18,7 +18,7 @@ from golden_model.blender import blend_frame
 from golden_model.budget import BudgetController, BudgetPolicy, measure
 from golden_model.camera import View, look_at
 from golden_model.charts import unwrap
-from golden_model.coarse import coarse_links
+from golden_model.coarse import coarse_links, fine_triangles
 from golden_model.collector import MAINTENANCE, Collector, Packing
 from golden_model.errors import InputError
 from golden_model.flip_chain import FlipChain
@@ -155,6 +155,7 @@ class Renderer:
             lightmaps = unwrap(scene, trace=Structure(scene, backend).trace)
         self.lightmaps = lightmaps
         self.links = None if scene.coarse is None else coarse_links(lightmaps, scene)
+        self.fine = None if scene.coarse is None else fine_triangles(scene)
         self.textures = build_textures(scene.textures)
         self.fraction = fraction_bits(scene, self.sampling.balanced)
         self.maintainer = Maintainer(lightmaps, scene, self.sampling, self.policy, seed)
@@ -211,6 +212,7 @@ class Renderer:
             irradiance=readable(published),
             textures=self.textures,
             links=self.links,
+            fine=self.fine,
             filtered=self.pipeline.filtered,
         )
 
