@@ -26,6 +26,7 @@ from golden_model.lights import Lights
 from golden_model.random import hash_u32
 from golden_model.ray_buffer import RayBuffer
 from golden_model.ray_shading import Onward, direct_at_hits, direct_light, scatter, shade_rays
+from golden_model.records import take
 from golden_model.scene import DIFFUSE, MIRROR
 from golden_model.shading import Surfaces, textured
 
@@ -142,10 +143,10 @@ class FrameRays:
         self._next = _Waiting()
         specular = seen[surface != DIFFUSE]
         if len(specular):
-            self._material_rays(view, flat[specular], specular, hash_u32(specular, seed, frame, _SPECULAR))
+            self._material_rays(view, take(flat, specular), specular, hash_u32(specular, seed, frame, _SPECULAR))
         if self.options.direct == "rays" and len(lights):
             diffuse = seen[(surface == DIFFUSE) & flat["front"][seen]]
-            self._occlusion_rays(flat[diffuse], diffuse, hash_u32(diffuse, seed, _SHADOW), frame)
+            self._occlusion_rays(take(flat, diffuse), diffuse, hash_u32(diffuse, seed, _SHADOW), frame)
 
     def _material_rays(self, view: View, fragment: np.ndarray, pixel: np.ndarray, key: np.ndarray) -> None:
         """What mirrors and glass that pixels see ask for. A mirror's tint is left to the blender."""

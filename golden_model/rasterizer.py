@@ -27,6 +27,7 @@ from golden_model.clipping import clip_triangles
 from golden_model.errors import InputError
 from golden_model.floats import float_to_fixed, flush, quiet
 from golden_model.formats import GBUFFER
+from golden_model.records import put
 from golden_model.tiles import TILE_SIDES, bin_triangles, by_tile, runs
 
 SUBPIXEL_BITS = 8
@@ -35,8 +36,6 @@ CHUNK = 1 << 20  # fragments worked on at a time: bounds the memory
 BLOCK = 1 << 14  # pixels whose attributes are worked on at a time: what they need stays in the processor's cache
 MODES = ("tile-deferred", "immediate", "tiled-immediate")
 FAR = np.int64(0xFFFFFFFF)  # beyond the bits of every depth
-
-_WHOLE = np.dtype(f"V{GBUFFER.itemsize}")  # a record copied as it is: many times faster than field by field
 
 Shade = Callable[[np.ndarray], np.ndarray]
 """Fragment shading: GBUFFER (N,) to their colours (N, 3) float32."""
@@ -442,12 +441,12 @@ def draw(view: View, mesh: Mesh, how: Rasterization | None = None, shade: Shade 
     visibility = _Visibility(pixels)
     shaded = 0
 
-    def put(index: np.ndarray, pixel: np.ndarray) -> None:
+    def finish(index: np.ndarray, pixel: np.ndarray) -> None:
         """Shades fragments and writes them; of several at one pixel the last, which is the nearest, stays."""
         nonlocal shaded
         shaded += len(pixel)
         fragment = _Attributes(setup, mesh, view, index).interpolate(index, pixel)
-        gbuffer.view(_WHOLE)[pixel] = fragment.view(_WHOLE)
+        put(gbuffer, pixel, fragment)
         if shade is not None and image is not None:
             image[pixel] = shade(fragment)
 
@@ -456,10 +455,10 @@ def draw(view: View, mesh: Mesh, how: Rasterization | None = None, shade: Shade 
             visibility.resolve(index, pixel, depth)
         else:
             now = visibility.passing(index, pixel, depth)
-            put(index[now], pixel[now])
+            finish(index[now], pixel[now])
     covered, index = visibility.visible()
     if how.deferred:
-        put(index, covered)
+        finish(index, covered)
     figures = RasterFigures(
         triangles=len(mesh.triangles),
         set_up=len(setup.primitive),

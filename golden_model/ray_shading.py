@@ -22,6 +22,7 @@ from golden_model.floats import flush, quiet
 from golden_model.formats import RAY
 from golden_model.lights import Lights, direct_candidates
 from golden_model.random import hash_u32, uniform
+from golden_model.records import take
 from golden_model.scene import DIFFUSE, GLASS, Scene
 from golden_model.shading import INVERSE_PI, Surfaces, albedo_at, diffuse_radiance, emitted
 from golden_model.vectors import add, cross, dot, interpolate, normalize, scale, subtract
@@ -48,7 +49,7 @@ class Onward:
     def part(self, chosen: np.ndarray) -> "Onward":
         """Some of them, by their numbers or a mask."""
         return Onward(
-            parent=self.parent[chosen], rays=self.rays[chosen], weight=self.weight[chosen], key=self.key[chosen]
+            parent=self.parent[chosen], rays=take(self.rays, chosen), weight=self.weight[chosen], key=self.key[chosen]
         )
 
 
@@ -97,12 +98,12 @@ def shade_rays(
     scene = surfaces.geometry(coarse)
     radiance = np.zeros((len(hits), 3), dtype=np.float32)
     struck = np.flatnonzero(hits["primitive"] >= 0)
-    hit = hits[struck]
+    hit = take(hits, struck)
     radiance[struck] = diffuse_radiance(surfaces, hit, coarse=coarse)
     if emission:
         radiance[struck] = add(radiance[struck], emitted(scene, hit["primitive"], hit["front"]))
     specular = scene.surface[scene.material[hit["primitive"]]] != DIFFUSE
-    parent, hit = struck[specular], hit[specular]
+    parent, hit = struck[specular], take(hit, specular)
     tint = albedo_at(surfaces, scene, hit)
     onward = scatter(scene, rays["direction"][parent], hit, tint, key[parent], both=both)
     return Shaded(
@@ -239,11 +240,11 @@ def direct_light(
     """
     material = scene.material[np.maximum(hits["primitive"], 0)]
     lit = np.flatnonzero((hits["primitive"] >= 0) & hits["front"] & (scene.surface[material] == DIFFUSE))
-    place, facing, _ = _frame(scene, hits[lit])
+    place, facing, _ = _frame(scene, take(hits, lit))
     rays, light = direct_candidates(lights, place, facing, key[lit], first=first, samples=samples)
     light = light.reshape(-1, 3)
     carrying = np.flatnonzero(light.any(axis=1))
-    return Direct(parent=lit[carrying // samples], rays=rays.reshape(-1)[carrying], value=light[carrying])
+    return Direct(parent=lit[carrying // samples], rays=take(rays.reshape(-1), carrying), value=light[carrying])
 
 
 @quiet
@@ -259,5 +260,5 @@ def direct_at_hits(
     """As `direct_light`, with the radiance that each ray lets its hit send back, for lightmaps without direct light."""
     scene = surfaces.geometry(coarse)
     direct = direct_light(scene, lights, hits, key, samples=samples)
-    albedo = albedo_at(surfaces, scene, hits[direct.parent])
+    albedo = albedo_at(surfaces, scene, take(hits, direct.parent))
     return replace(direct, value=flush(flush(albedo * INVERSE_PI) * direct.value))

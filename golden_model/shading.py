@@ -11,6 +11,7 @@ import numpy as np
 
 from golden_model.floats import flush, half_to_float, quiet
 from golden_model.lightmap import Lightmaps, bilinear, lightmap_coordinates, sample
+from golden_model.records import take
 from golden_model.scene import DIFFUSE, MIRROR, Scene
 from golden_model.textures import Textures, sample_textures, texel_coordinates
 from golden_model.vectors import interpolate
@@ -136,20 +137,26 @@ def ray_weights(surfaces: Surfaces, gbuffer: np.ndarray) -> np.ndarray:
     A diffuse pixel's rays bring irradiance: albedo / pi; its back reflects nothing. A mirror's bring radiance: its
     tint. Those of glass, each reflected or refracted, carry their weights with them: 1. 0 where nothing is seen.
     """
-    weight = np.zeros((*gbuffer.shape, 3), dtype=np.float32)
-    seen = gbuffer["primitive"] >= 0
-    pixel = gbuffer[seen]
+    weight = np.zeros((gbuffer.size, 3), dtype=np.float32)
+    seen, pixel = _seen(gbuffer)
     scene, primitive = surfaces.scene, pixel["primitive"]
     surface = scene.surface[scene.material[primitive]][:, None]
     albedo = textured(surfaces, scene, primitive, pixel["texture"], pixel["texture_lod"])
     diffuse = np.where(pixel["front"][:, None], flush(albedo * INVERSE_PI), np.float32(0))
     weight[seen] = np.where(surface == DIFFUSE, diffuse, np.where(surface == MIRROR, albedo, np.float32(1)))
-    return weight
+    return weight.reshape(*gbuffer.shape, 3)
 
 
 def shade_pixels(surfaces: Surfaces, gbuffer: np.ndarray) -> np.ndarray:
     """GBUFFER (H, W) to what its fragments' shading makes, (H, W, 3) float32; zero where nothing is seen."""
-    image = np.zeros((*gbuffer.shape, 3), dtype=np.float32)
-    seen = gbuffer["primitive"] >= 0
-    image[seen] = shade_fragments(surfaces, gbuffer[seen])
-    return image
+    image = np.zeros((gbuffer.size, 3), dtype=np.float32)
+    seen, fragment = _seen(gbuffer)
+    image[seen] = shade_fragments(surfaces, fragment)
+    return image.reshape(*gbuffer.shape, 3)
+
+
+def _seen(gbuffer: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The pixels of GBUFFER (H, W) that see something, row by row, and what they hold: (N,) int64, GBUFFER (N,)."""
+    flat = gbuffer.reshape(-1)
+    seen = np.flatnonzero(flat["primitive"] >= 0)
+    return seen, take(flat, seen)
