@@ -30,7 +30,7 @@ class Blending:
     """Smallest weight while the texel is marked `heavy`, 0 to 1."""
     notice_factor: int = 64
     """A sample is noticed if it departs by more than notice_factor / 16 times the usual deviation, 0 to 255 …"""
-    notice_floor: int = 26
+    notice_floor: int = 13
     """… plus notice_floor / 256 of the average, 0 to 4095 …"""
     notice_count: int = 8
     """… and the average is of so many samples at least, 1 to 255."""
