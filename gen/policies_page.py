@@ -31,7 +31,7 @@ def policies_page(report: Mapping[str, Any], folder: Path) -> str:
     }
     kinds = ray_kinds(policies)
     pages = environment()
-    pages.filters.update(percent=percent, times=times, setting=setting, code=code)
+    pages.filters.update(percent=percent, times=times, milliseconds=milliseconds, setting=setting, code=code)
     return pages.get_template("policies.html").render(
         report=report,
         policies=policies,
@@ -39,6 +39,7 @@ def policies_page(report: Mapping[str, Any], folder: Path) -> str:
         kinds=kinds,
         baseline=next(policy for policy in policies if policy["name"] == report["baseline"]),
         film=data_uri(folder / "film.webp"),
+        timeline=Markup((folder / "timeline.svg").read_text(encoding="utf-8")),
         most_error=max((p["summary"]["error"] or 0 for p in policies), default=0) or 1,
         error_chart=Markup(line_chart(compared, errors, number=percent, marks=marks, width=WIDE)),
         charts=[
@@ -66,6 +67,11 @@ def percent(value: float | None) -> str:
     if value is None:
         return DASH
     return f"{100 * value:.3g} %"
+
+
+def milliseconds(value: float) -> str:
+    """0.0012345 as 1.23 ms."""
+    return f"{1000 * value:.3g} ms"
 
 
 def times(value: float | None) -> str:

@@ -13,13 +13,17 @@ from typing import Any
 
 import numpy as np
 
+from gen.policies_page import policies_page
+from gen.timeline import timeline
 from golden_model.errors import InputError
 from golden_model.images import exposure_for, tonemap, write_film, write_png
 from golden_model.lightmap import VALID, Lightmaps, bilinear_taps
+from golden_model.machine import FrameCounts, Machine
 from golden_model.policy import POLICIES, Policy
 from golden_model.reference import Reference
 from golden_model.renderer import FrameResult, Renderer, Sampling
 from golden_model.scene import Scene
+from golden_model.schedule import Schedule, schedule
 from lightloom.console import Progress, json_text
 from lightloom.difference import relative_mse
 from lightloom.machine import machine, versions
@@ -44,6 +48,12 @@ KEY_FRAMES = 4
 FILM_FRAMES = 60
 """Frames in the film at most: they are held in memory and in the page."""
 FRAMES_PER_SECOND = 12.0
+NOISE_RAYS = 4
+"""The second reference, by which the first one's noise is estimated, has so many times fewer rays..."""
+LEAST_RAYS = 8
+"""... but no fewer than these."""
+TIMELINE_FRAMES = 4
+"""Frames of the drawing of the machine's time."""
 REFERENCE_SEED = 0x5EED
 """Keeps the reference's random numbers apart from the renders': added to the seed, modulo 2**32."""
 
@@ -146,8 +156,8 @@ def compare(
     """Renders all frames under all policies, writes the pictures into `folder` and returns the report, ready for JSON.
 
     Frame by frame: each policy's, then the reference's, once for all. What is held is the state of the renderers and
-    the film. In `folder`: film.webp, and for each key frame NNNN frames/NNNN/reference.png, POLICY.png and
-    POLICY-error.png, and of the last policy maps/NNNN/QUANTITY.png and QUANTITY-maps.png.
+    the film. In `folder`: film.webp, timeline.svg, and for each key frame NNNN frames/NNNN/reference.png, POLICY.png
+    and POLICY-error.png, and of the last policy maps/NNNN/QUANTITY.png and QUANTITY-maps.png.
     """
     with progress.stage("First light", len(options.policies)) as advance:
         renderers = {}
@@ -156,6 +166,7 @@ def compare(
             advance(1)
     judge = _Judge(scene, lightmaps, options, folder)
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in options.policies}
+    counts: dict[str, list[FrameCounts]] = {name: [] for name in options.policies}
     compared = set(options.compared)
     with progress.stage("Frames and references", options.frames * len(renderers) + len(compared)) as advance:
         for number in range(options.frames):
@@ -170,9 +181,19 @@ def compare(
             visible = visible_texels(lightmaps, results[options.full].gbuffer)
             for name, result in results.items():
                 rows[name].append(_row(result, renderers[name].state, visible) | figures.get(name, {}))
-    with progress.stage("Film"):
+                counts[name].append(result.counts)
+    with progress.stage("Film and timelines"):
         judge.write_film()
-    return _report(scene, lightmaps, options, renderers, rows) | {
+        # Frames follow each other as fast as they are done, so that their times tell what they cost.
+        free = Machine(refresh_cycles=0, versions=renderers[options.full].pipeline.versions)
+        plans = {name: schedule(free, each) for name, each in counts.items()}
+        first = options.shown[0]
+        last = min(first + TIMELINE_FRAMES, options.frames) - 1
+        times = plans[options.full].frames
+        drawn = timeline(plans[options.full], times[first].begin, times[last].shown)
+        (folder / "timeline.svg").write_text(drawn, encoding="utf-8")
+    return _report(scene, lightmaps, options, renderers, rows, plans) | {
+        "timeline_frames": [first, last],
         "exposure": judge.exposure,
         "reference": {
             "rays": options.reference_rays,
@@ -203,21 +224,21 @@ class _Judge:
 
     def __init__(self, scene: Scene, lightmaps: Lightmaps, options: Comparison, folder: Path):
         self.scene, self.lightmaps, self.options, self.folder = scene, lightmaps, options, folder
-        self.reference = self._reference(0)
+        self.reference = self._reference(options.reference_rays, 0)
         self.exposure = options.exposure
         self.noise: float | None = None
-        """E between the reference and one of other random numbers, at the first frame, over sqrt(2): its own error."""
+        """The reference's own E, estimated at the first frame."""
         compared = options.compared
         places = np.linspace(0, len(compared) - 1, min(len(compared), FILM_FRAMES))
         self._film_frames = {compared[round(place)] for place in places}
         self._film: list[np.ndarray] = []
 
-    def _reference(self, number: int) -> Reference:
+    def _reference(self, rays: int, number: int) -> Reference:
         options = self.options
         return Reference(
             self.scene,
             self.lightmaps,
-            rays=options.reference_rays,
+            rays=rays,
             seed=(options.seed + REFERENCE_SEED + number) % 2**32,
             backend=options.backend,
             threads=options.threads,
@@ -231,8 +252,7 @@ class _Judge:
         if self.exposure is None:
             self.exposure = exposure_for(wanted)
         if self.noise is None:
-            between = error(renderer.picture(result, self._reference(1).published(result.frame)), wanted)
-            self.noise = None if between is None else between / float(np.sqrt(2))
+            self.noise = self._noise(renderer, result, wanted)
         figures: dict[str, dict[str, Any]] = {
             name: {"error": error(shown.image, wanted), "relative_mse": relative_mse(shown.image, wanted)}
             for name, shown in results.items()
@@ -247,6 +267,16 @@ class _Judge:
                 place = self.folder / "maps" / f"{result.frame:04}"
                 write_quantity(place, quantity, self.lightmaps, results[full], renderers[full].state)
         return figures
+
+    def _noise(self, renderer: Renderer, result: FrameResult, wanted: np.ndarray) -> float | None:
+        """The reference's own E, from one of fewer rays and other random numbers, which differs by the noise of both.
+
+        Taken to fall with the root of the number of rays; it falls faster, so this is rather too much.
+        """
+        rays = self.options.reference_rays
+        fewer = max(rays // NOISE_RAYS, LEAST_RAYS)
+        between = error(renderer.picture(result, self._reference(fewer, 1).published(result.frame)), wanted)
+        return None if between is None else between / float(np.sqrt(1 + rays / fewer))
 
     def _write(self, results: Mapping[str, FrameResult], wanted: np.ndarray) -> dict[str, float]:
         """Writes a key frame's pictures; mean FLIP of each policy's."""
@@ -312,6 +342,7 @@ def _report(
     options: Comparison,
     renderers: Mapping[str, Renderer],
     rows: Mapping[str, list[dict[str, Any]]],
+    plans: Mapping[str, Schedule],
 ) -> dict[str, Any]:
     summaries = {name: summary(frames, options.budget) for name, frames in rows.items()}
     base = summaries[options.baseline]
@@ -329,7 +360,8 @@ def _report(
                 "about": ABOUT.get(name, ""),
                 "before": before,
                 "changes": changed_parameters(policy, POLICIES[before] if before else None),
-                "summary": summaries[name] | {"first_rays": renderers[name].priming_rays},
+                "summary": summaries[name]
+                | {"first_rays": renderers[name].priming_rays, "machine_seconds": machine_seconds(plans[name])},
                 "frames": rows[name],
             }
         )
@@ -365,6 +397,12 @@ def _report(
             for quantity in QUANTITIES
         ],
     }
+
+
+def machine_seconds(plan: Schedule) -> float:
+    """Mean time from one frame to the next on the machine; of a single frame, its whole time."""
+    cycles = plan.intervals() or (plan.duration,)
+    return plan.machine.seconds(sum(cycles)) / len(cycles)
 
 
 MEASURES = ("error", "relative_mse", "flip")
@@ -411,8 +449,6 @@ def write_comparison(
     scene: Scene, lightmaps: Lightmaps, options: Comparison, folder: Path, progress: Progress
 ) -> dict[str, Any]:
     """What `compare` writes, policies.json and index.html, into `folder`; returns what policies.json holds."""
-    from gen.policies_page import policies_page
-
     report = compare(scene, lightmaps, options, folder, progress)
     report |= {"versions": versions(), "machine": machine(), "seconds": dict(progress.seconds)}
     with progress.stage("Page"):

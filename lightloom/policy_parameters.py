@@ -6,17 +6,21 @@ import textwrap
 from dataclasses import fields
 from typing import Any
 
-from golden_model.policy import RANGES, Policy
+from golden_model.policy import INFLUENCES, RANGES, Policy
+
+CHOICES = {"influence": INFLUENCES}
+"""What parameters that are no numbers may be."""
 
 
 def parameters(policy: Policy) -> list[dict[str, Any]]:
-    """All parameters of a policy: name, value, range and meaning."""
+    """All parameters of a policy: name, value, range (or choices, or neither: yes or no) and meaning."""
     meanings = field_docs(Policy)
     return [
         {
             "name": field.name,
             "value": getattr(policy, field.name),
             "range": RANGES.get(field.name),
+            "choices": CHOICES.get(field.name),
             "meaning": meanings[field.name],
         }
         for field in fields(policy)

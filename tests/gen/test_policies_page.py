@@ -47,6 +47,7 @@ def made_up(folder: Path) -> dict[str, Any]:
             write_png(folder / "maps" / f"{frame:04}" / f"{name}.png", picture)
             write_png(folder / "maps" / f"{frame:04}" / f"{name}-maps.png", picture)
     write_film(folder / "film.webp", [picture, picture + 1])
+    (folder / "timeline.svg").write_text("<svg><title>stages</title></svg>")
     policies: list[dict[str, Any]] = []
     for name, error in ERRORS.items():
         rays = KINDS | {"visibility": 0 if name == "round-robin" else 17}
@@ -67,7 +68,14 @@ def made_up(folder: Path) -> dict[str, Any]:
             | ({"flip": 0.0123} if frame in KEY_FRAMES else {})
             for frame in range(9)
         ]
-        row = {"name": "sweep", "value": 48, "range": (0, 256), "meaning": "A share, with `probe`.", "before": 0}
+        row = {
+            "name": "sweep",
+            "value": 48,
+            "before": 0,
+            "range": (0, 256),
+            "choices": None,
+            "meaning": "With `probe`.",
+        }
         policies.append(
             {
                 "name": name,
@@ -91,6 +99,7 @@ def made_up(folder: Path) -> dict[str, Any]:
                     "largest_spent": sum(rays.values()),
                     "within_budget": name != "visibility",
                     "first_rays": 5000,
+                    "machine_seconds": 0.0012345,
                     "seconds": 0.9,
                 },
                 "frames": rows,
@@ -109,9 +118,14 @@ def made_up(folder: Path) -> dict[str, Any]:
         "options": options,
         "command": "lightloom policies scene",
         "key_frames": KEY_FRAMES,
+        "timeline_frames": [4, 7],
         "rays_an_update": 20,
         "policies": policies,
-        "parameters": [{"name": "facing_slack", "value": 0.0625, "range": (0.0, 1.0), "meaning": "Below."}],
+        "parameters": [
+            {"name": "facing_slack", "value": 0.0625, "range": (0.0, 1.0), "choices": None, "meaning": "Below."},
+            {"name": "influence", "value": "volumes", "range": None, "choices": ("off", "volumes"), "meaning": "How."},
+            {"name": "shadows", "value": True, "range": None, "choices": None, "meaning": "Whether."},
+        ],
         "error_scale": {"range": 0.5, "floor": 0.05, "colours": ["#000000", "#ffffff"]},
         "quantities": [
             {"name": "priority", "title": "Priority", "about": "Class.", "low": 0, "high": 15, "unit": "class"}
@@ -132,7 +146,18 @@ def test_page_says_what_the_figures_say(tmp_path: Path) -> None:
     words = " ".join(page.text.split())
     for text in ("a <scene>", "0.25\N{MULTIPLICATION SIGN} the error of round-robin", "5 % instead of 20 %", "0.71 %"):
         assert text in words
-    for text in ("About influence <&>.", "facing_slack", "0.0625", "0 to 256", "15+", "hidden", "1,234", "0.012"):
+    for text in (
+        "About influence <&>.",
+        "facing_slack",
+        "0.0625",
+        "0 to 256",
+        "off, volumes",
+        "yes, no",
+        "15+",
+        "hidden",
+        "1,234",
+        "0.012",
+    ):
         assert text in words
     assert words.count("exceeded") == 1 + 1  # the policy that did, and the sentence that says that none does
     assert words.count("kept") == 2

@@ -32,7 +32,20 @@ BEHIND = """
 name = "behind the camera"
 corners = [[-2, 0, 6], [-2, 3, 6], [2, 3, 6], [2, 0, 6]]
 """
-TINY = ("--frames", 4, "--size", "32x32", "--budget", 2000, "--reference-rays", 16, "--reference-every", 2)
+TINY = (
+    "--frames",
+    4,
+    "--size",
+    "24x24",
+    "--budget",
+    1000,
+    "--reference-rays",
+    8,
+    "--reference-every",
+    2,
+    "--backend",
+    "numpy",
+)
 
 
 # --- measures -------------------------------------------------------------------------------------------------------
@@ -184,9 +197,10 @@ def test_policies(cli: Run, tmp_path: Path, room: Path) -> None:
         rows = policy["frames"]
         assert [row["frame"] for row in rows] == [0, 1, 2, 3]
         assert ["error" in row for row in rows] == [True, False, True, False]
-        assert all(0 < row["spent"] <= 2000 and row["spent"] == sum(row["rays"].values()) for row in rows)
+        assert all(0 < row["spent"] <= 1000 and row["spent"] == sum(row["rays"].values()) for row in rows)
         assert all(0 < row["error"] < 1 for row in rows if "error" in row)
         assert policy["summary"]["within_budget"]
+        assert 0 < policy["summary"]["machine_seconds"] < 0.1
         assert 0 <= rows[2]["flip"] < 1
     first, *others = report["policies"]
     assert first["summary"]["error_ratio"] == 1
@@ -194,7 +208,7 @@ def test_policies(cli: Run, tmp_path: Path, room: Path) -> None:
     # Nobody sees the wall behind the camera.
     assert others[0]["summary"]["on_visible"] > first["summary"]["on_visible"]
     written = files_below(tmp_path / "a")
-    assert {"index.html", "policies.json", "film.webp", "frames/0002/reference.png"} <= written
+    assert {"index.html", "policies.json", "film.webp", "timeline.svg", "frames/0002/reference.png"} <= written
     assert {f"frames/0002/{name}{end}.png" for name in POLICIES for end in ("", "-error")} <= written
     assert {f"maps/0002/{quantity.name}{end}.png" for quantity in QUANTITIES for end in ("", "-maps")} <= written
     page = (tmp_path / "a" / "index.html").read_text(encoding="utf-8")
@@ -204,12 +218,12 @@ def test_policies(cli: Run, tmp_path: Path, room: Path) -> None:
 def test_same_options_same_figures(cli: Run, tmp_path: Path, room: Path) -> None:
     found = []
     for name in ("a", "b"):
-        command = ["policies", room, *TINY, "--policies", "visibility", "--key-frames", "1,3", "--out", tmp_path / name]
-        outcome = cli(*command, "--json")
+        command = ["policies", room, *TINY, "--frames", 2, "--policies", "visibility", "--key-frames", "1"]
+        outcome = cli(*command, "--out", tmp_path / name, "--json")
         assert outcome.code == 0, outcome
         report = json.loads(outcome.out)
         assert report["baseline"] == report["full"] == "visibility"
-        assert report["reference"]["frames"] == [0, 1, 2, 3]
+        assert report["reference"]["frames"] == [0, 1]
         found.append([[row[key] for key in ("error", "spent", "age")] for row in report["policies"][0]["frames"]])
     assert found[0] == found[1]
 
