@@ -1,13 +1,17 @@
 """Blend and accumulation, against exact rational arithmetic and against the definition."""
 
+import re
+from dataclasses import asdict, replace
 from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from golden_model.accumulation import accumulate, irradiance
+from golden_model.accumulation import accumulate, fraction_bits, irradiance
 from golden_model.blend import Blending, blend, blend_texels, drop, mark_heavy
+from golden_model.cornell_box import cornell_box
 from golden_model.errors import InputError
 from golden_model.floats import float_to_fixed
 from golden_model.formats import BLEND, TEXEL_STATE
@@ -205,3 +209,19 @@ def test_accumulation_is_exact_and_free_of_order() -> None:
 def test_accumulation_saturates_a_contribution_not_the_sum() -> None:
     total = accumulate(np.zeros(3, dtype=int), np.full((3, 3), 1e9, dtype=np.float32), 1, 16)
     assert (total == 3 * (2**31 - 1)).all()
+
+
+def test_documented_parameters_are_those_that_exist() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "update.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `(\w+)` \| ([\d.]+) \| [\d.]+ to [\d.]+ \|$", page, re.MULTILINE))
+    assert {name: float(value) for name, value in rows.items()} == pytest.approx(asdict(Blending()))
+
+
+def test_headroom_follows_the_brightest_light_and_the_kind_of_rays() -> None:
+    """64 times the brightest emission fits into one contribution; without balance there is 16 times the room."""
+    for emission in (1.0, 1000.0, 1e-3):
+        scene = replace(cornell_box(), emission=cornell_box().emission * np.float32(emission))
+        brightest = float(scene.emission.max())
+        for balanced, room in ((True, 64), (False, 1024)):
+            largest = 2.0 ** (31 - fraction_bits(scene, balanced))
+            assert room * brightest <= largest <= 2 * room * brightest
