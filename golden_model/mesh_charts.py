@@ -4,6 +4,7 @@ The charts are part of the scene's data, not of the numeric contract: xatlas is 
 any number of threads, but its float arithmetic is the host's.
 """
 
+import ctypes
 import hashlib
 import importlib.metadata
 import os
@@ -52,6 +53,9 @@ def _unwrap(points: np.ndarray, faces: np.ndarray, texel_size: float) -> ObjectC
 
     # xatlas drops triangles by absolute thresholds of size, so it sees the mesh measured in texels.
     atlas = xatlas.Atlas()
+    # Never destroyed, not even at the interpreter's end: its destructor wakes its worker threads without holding their
+    # lock, so that on a busy machine one can miss it, and the destructor then waits for that thread for ever.
+    ctypes.pythonapi.Py_IncRef(ctypes.py_object(atlas))
     atlas.add_mesh((points.astype(np.float64) / texel_size).astype(np.float32), faces)
     packing = xatlas.PackOptions()
     packing.texels_per_unit = 1.0
