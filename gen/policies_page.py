@@ -31,7 +31,7 @@ def policies_page(report: Mapping[str, Any], folder: Path) -> str:
     }
     kinds = ray_kinds(policies)
     pages = environment()
-    pages.filters.update(percent=percent, times=times, milliseconds=milliseconds, setting=setting, code=code)
+    pages.filters.update(percent=percent, times=times, setting=setting, code=code)
     return pages.get_template("policies.html").render(
         report=report,
         policies=policies,
@@ -39,6 +39,7 @@ def policies_page(report: Mapping[str, Any], folder: Path) -> str:
         kinds=kinds,
         baseline=next(policy for policy in policies if policy["name"] == report["baseline"]),
         film=data_uri(folder / "film.webp"),
+        frame_times=frame_times(policies),
         timeline=Markup((folder / "timeline.svg").read_text(encoding="utf-8")),
         most_error=max((p["summary"]["error"] or 0 for p in policies), default=0) or 1,
         error_chart=Markup(line_chart(compared, errors, number=percent, marks=marks, width=WIDE)),
@@ -69,9 +70,12 @@ def percent(value: float | None) -> str:
     return f"{100 * value:.3g} %"
 
 
-def milliseconds(value: float) -> str:
-    """0.0012345 as 1.23 ms."""
-    return f"{1000 * value:.3g} ms"
+def frame_times(policies: Sequence[Mapping[str, Any]]) -> str:
+    """How long a frame takes on the machine under each policy, in words; once where they do not differ."""
+    found = {policy["name"]: f"{1000 * policy['summary']['machine_seconds']:.3g} ms" for policy in policies}
+    if len(set(found.values())) == 1:
+        return f"{next(iter(found.values()))}, whatever the policy"
+    return ", ".join(f"{time} with {name}" for name, time in found.items())
 
 
 def times(value: float | None) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gen.plots import line_chart
-from gen.policies_page import code, percent, policies_page, setting, times
+from gen.policies_page import code, frame_times, percent, policies_page, setting, times
 from golden_model.images import write_film, write_png
 
 KEY_FRAMES = [4, 8]
@@ -222,4 +222,6 @@ def test_wording() -> None:
     assert [percent(x) for x in (0.1234, 1.0, None)] == ["12.3 %", "100 %", "\N{EN DASH}"]
     assert [times(x) for x in (0.412, None)] == ["0.41\N{MULTIPLICATION SIGN}", "\N{EN DASH}"]
     assert [setting(x) for x in (True, 0.0625, (1, 3, 6), "volumes")] == ["yes", "0.0625", "1 3 6", "volumes"]
+    policies = [{"name": name, "summary": {"machine_seconds": time}} for name, time in (("a", 0.001), ("b", 0.0025))]
+    assert frame_times(policies) == "1 ms with a, 2.5 ms with b"
     assert code("with `a < b`, so") == "with <code>a &lt; b</code>, so"
