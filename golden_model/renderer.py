@@ -69,6 +69,7 @@ class Pipeline:
 class _Drawn:
     """What is seen in a frame."""
 
+    frame: int
     scene: Scene
     lights: Lights
     view: View
@@ -244,7 +245,7 @@ class Renderer:
             camera = scene.camera
             view = look_at(camera.position, camera.target, camera.up, camera.fov_y_tan, self.width, self.height)
             raster = draw(view, self._mesh(scene), self.pipeline.raster)
-        self._latest = _Drawn(scene, world.lights, view, raster.gbuffer)
+        self._latest = _Drawn(number, scene, world.lights, view, raster.gbuffer)
         with clock("predict"):
             context = self._context(number, world, raster.gbuffer, view, collector)
         maintain = self.maintainer.run(world, context, self.budget, collector, clock)
@@ -323,7 +324,7 @@ class Renderer:
                 self.fraction,
                 options,
                 seed=seed,
-                frame=self.next_frame,
+                frame=drawn.frame,
             )
         while rays.emit(collector):
             yield

@@ -11,6 +11,7 @@ from golden_model.errors import InputError
 from golden_model.formats import GBUFFER, TEXEL_STATE
 from golden_model.lightmap import EMPTY, VALID
 from golden_model.policy import POLICIES, Policy
+from golden_model.renderer import Renderer
 from golden_model.scene import load_scene
 from lightloom.policies import Comparison, error, summary, visible_texels
 from lightloom.policy_parameters import changed_parameters, field_docs, parameters
@@ -25,12 +26,19 @@ from lightloom.policy_pictures import (
     relative_error,
 )
 
-from .conftest import Run, files_below
+from .conftest import LAMP, ROOM, Run, files_below
 
 BEHIND = """
 [[quad]]
 name = "behind the camera"
 corners = [[-2, 0, 6], [-2, 3, 6], [2, 3, 6], [2, 0, 6]]
+"""
+GLASS = """
+[[sphere]]
+center = [0, 1, 1]
+radius = 0.6
+subdivisions = 2
+material = "glass"
 """
 TINY = (
     "--frames",
@@ -130,6 +138,16 @@ def test_summary_takes_means_of_what_there_is() -> None:
     assert found["rays"] == {"a": 5.0, "b": 1.0}
     assert (found["largest_spent"], found["within_budget"]) == (9, False)
     assert summary(frames, 9)["within_budget"]
+
+
+def test_the_picture_that_a_frame_is_compared_with_differs_by_the_maps_alone(tmp_path: Path) -> None:
+    path = tmp_path / "glass.toml"
+    path.write_text(ROOM + LAMP + GLASS)
+    renderer = Renderer(load_scene(path), width=24, height=16, budget=2000, backend="numpy")
+    for _ in range(2):
+        result = renderer.frame()
+        assert result.counts.fragment_rays.total > 0  # rays with random numbers of their own
+        np.testing.assert_array_equal(renderer.picture(result, result.lightmap), result.image)
 
 
 # --- what is compared and shown -------------------------------------------------------------------------------------
