@@ -216,5 +216,5 @@ def _added_up(
     total = accumulate(np.concatenate([rays.indirect_slot, slot]), np.concatenate([indirect, light]), texels, fraction)
     groups = [(*luminance_sums(rays.indirect_slot, indirect, texels, fraction), rays.directions)]
     if rays.light_samples:
-        groups.append((*luminance_sums(slot, light, texels, fraction), rays.light_samples))
+        groups.append((*luminance_sums(slot, light, texels, fraction), np.asarray(rays.light_samples)))
     return Gathered(irradiance=irradiance(total, fraction), spread=relative_spread(groups), rays=traced)

@@ -4,6 +4,8 @@ Both figures are relative to the light that is there, in 1/256ths, and stop at 4
 the luminance (r + 2 g + b) / 4, whose weights need no multiplier: what matters is that a change of any channel shows.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from golden_model.floats import float_add, float_divide, float_multiply, float_sqrt, float_to_fixed
@@ -52,7 +54,7 @@ def running_deviation(deviation: np.ndarray, latest: np.ndarray, count: np.ndarr
     return deviation + np.where(difference < 0, -magnitude, magnitude)
 
 
-def relative_spread(groups: list[tuple[np.ndarray, np.ndarray, np.ndarray | int]]) -> np.ndarray:
+def relative_spread(groups: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray | int]]) -> np.ndarray:
     """Standard error of an update's sample over the sample: (M,) int64, 0 to LARGEST in 1/256ths.
 
     The sample is the sum of the contributions of several groups of rays (those over the hemisphere, those to lights).

@@ -146,12 +146,12 @@ def direct_samples(
         slot = np.concatenate([rays.indirect_slot, rays.shadow_slot[open_]])
         total = accumulate(slot, np.concatenate([met, rays.light[open_]]), len(places), fraction)
         row[:] = from_fixed(total, fraction)[:, 0]
-    truth = [lamberts_formula(place, np.array(lamp)) for place in record["position"].astype(np.float64)]
+    truth = [lamberts_formula(np.array(place), np.array(lamp)) for place in record["position"].tolist()]
     return samples, np.array(truth)
 
 
-SQUARE_LAMP = [[-0.5, 1, -0.5], [0.5, 1, -0.5], [0.5, 1, 0.5], [-0.5, 1, 0.5]]
-SHINING_WALL = [[-2, 2, -2], [-2, 2, 2], [-2, 0, 2], [-2, 0, -2]]
+SQUARE_LAMP: list[list[float]] = [[-0.5, 1, -0.5], [0.5, 1, -0.5], [0.5, 1, 0.5], [-0.5, 1, 0.5]]
+SHINING_WALL: list[list[float]] = [[-2, 2, -2], [-2, 2, 2], [-2, 0, 2], [-2, 0, -2]]
 
 
 def test_point_to_polygon_form_factors() -> None:
@@ -193,8 +193,8 @@ def test_light_that_goes_off_and_on_comes_back() -> None:
     44 updates are what one factor 0.9 a sample takes for direct light. Each bounce has to wait for the one before it,
     so what brings the bounces back in time is that texels are marked heavy, here twice for seven updates.
     """
-    off, on = 20, 60
-    maps = renderer(with_lamp_off(replace(cornell_box(), texel_size=60.0, camera_path=()), "light", off, on))
+    off, on = 12, 52
+    maps = renderer(with_lamp_off(replace(cornell_box(), texel_size=80.0, camera_path=()), "light", off, on))
     for frame in range(on + 44):
         if frame in (off, off + 7, on, on + 7):
             mark_heavy(maps.state, valid(maps), 7)
@@ -261,11 +261,11 @@ def against_mitsuba(scene: Scene, frames: int, points: int, samples: int) -> Non
 
 
 def test_cornell_box_against_mitsuba() -> None:
-    against_mitsuba(replace(cornell_box(), texel_size=40.0, camera_path=()), frames=20, points=300, samples=400)
+    against_mitsuba(replace(cornell_box(), texel_size=30.0, camera_path=()), frames=24, points=600, samples=600)
 
 
 def test_smooth_meshes_against_mitsuba() -> None:
-    against_mitsuba(still_life(), frames=20, points=300, samples=400)
+    against_mitsuba(still_life(), frames=24, points=500, samples=600)
 
 
 @pytest.mark.long

@@ -90,7 +90,7 @@ def test_texels_may_have_different_numbers_of_directions() -> None:
             assert (mixed.light[mixed.shadow_slot == texel] == alone.light[alone.shadow_slot == texel]).all()
     radiance = np.ones((len(mixed.indirect), 3), dtype=np.float32)
     share = indirect_share(radiance, directions[mixed.indirect_slot])
-    for texel in range(12):
+    for texel in np.arange(12):
         assert share[mixed.indirect_slot == texel, 0].sum() == pytest.approx(np.pi, rel=1e-5)
 
 
