@@ -34,7 +34,10 @@ def test_relative_deviation_is_the_exact_one_within_a_rounding(old: float, sampl
         assert found == (LARGEST if sample else 0)
         return
     exact = abs(Fraction(sample) - Fraction(old)) / Fraction(old) * 256
-    assert abs(found - (exact if exact < LARGEST else LARGEST)) <= Fraction(1, 2) + exact / 2**21
+    if exact >= LARGEST + 1:
+        assert found == LARGEST
+    else:
+        assert abs(found - exact) <= Fraction(1) / 2 + exact / 2**21 + (exact > LARGEST)
 
 
 def test_any_channel_that_changes_shows() -> None:
