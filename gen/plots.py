@@ -89,8 +89,8 @@ def line_chart(
         f'<line class="mark" x1="{x(mark):.1f}" x2="{x(mark):.1f}" y1="{TOP}" y2="{HEIGHT - BOTTOM}"/>'
         for mark in marks
     ]
-    for label in _frame_ticks(first, last):
-        parts.append(f'<text x="{x(label):.1f}" y="{HEIGHT - 8}" text-anchor="middle">{label}</text>')
+    for tick in _frame_ticks(first, last):
+        parts.append(f'<text x="{x(tick):.1f}" y="{HEIGHT - 8}" text-anchor="middle">{tick}</text>')
     ends: dict[int, float] = {}
     for index, (name, line) in enumerate(series.items()):
         points = [(label, value) for label, value in zip(labels, line, strict=True) if value is not None]

@@ -6,8 +6,11 @@ from typing import Annotated
 import typer
 
 from golden_model.errors import InputError
-from lightloom.commands.options import Json, Scene, Seed, Size, Traversal
+from lightloom.commands.options import Json, Scene, Seed, Traversal
 from lightloom.inputs import at_least, choose, image_size, seed_value, whole_numbers
+
+FRAMES, SIZE, BUDGET = 48, (320, 214), 20_000
+"""Where neither the options nor the scene say anything."""
 
 
 def policies(
@@ -16,11 +19,21 @@ def policies(
         str | None,
         typer.Option("--policies", metavar="A,B", help="Policies by name, each compared with the first; else all."),
     ] = None,
-    frames: Annotated[int, typer.Option("--frames", metavar="N", help="Frames to render.")] = 48,
+    frames: Annotated[
+        int | None, typer.Option("--frames", metavar="N", help="Frames to render; else as the scene says, or 48.")
+    ] = None,
     budget: Annotated[
-        int, typer.Option("--budget", metavar="RAYS", help="Rays that a frame may spend on the lightmaps.")
-    ] = 20_000,
-    size: Size = "320x214",
+        int | None,
+        typer.Option(
+            "--budget",
+            metavar="RAYS",
+            help="Rays that a frame may spend on the lightmaps; else as the scene says, or 20000.",
+        ),
+    ] = None,
+    size: Annotated[
+        str | None,
+        typer.Option("--size", metavar="WxH", help="Width and height of a frame in pixels; else as the scene says."),
+    ] = None,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder that everything is written to.")] = Path(
         "build/policies"
     ),
@@ -82,9 +95,11 @@ def policies(
     for name in chosen:
         choose(name, POLICIES, "policy")
     choose(backend, BACKENDS, "backend")
-    at_least(frames, 1, "--frames")
     at_least(reference_every, 1, "--reference-every")
-    width, height = image_size(size)
+    if frames is not None:
+        at_least(frames, 1, "--frames")
+    wanted = image_size(size) if size is not None else None
+    keys = whole_numbers(key_frames, "--key-frames") if key_frames is not None else ()
     if exposure is not None and not 0 < exposure < float("inf"):
         raise InputError(f"--exposure {exposure:g}: must be greater than 0")
 
@@ -96,24 +111,26 @@ def policies(
     from lightloom.console import Progress, print_json, print_table
     from lightloom.policies import Comparison, write_comparison
 
+    loaded = load_scene(scene)
+    require_light(loaded)  # before the charts, which may take a while
+    given = loaded.render
+    width, height = wanted or given.size or SIZE
     options = Comparison(
         policies=chosen,
-        frames=frames,
+        frames=frames or given.frames or FRAMES,
         width=width,
         height=height,
-        budget=budget,
+        budget=budget if budget is not None else given.budget or BUDGET,
         directions=directions,
         light_samples=light_samples,
         reference_rays=reference_rays,
         reference_every=reference_every,
-        key_frames=whole_numbers(key_frames, "--key-frames") if key_frames is not None else (),
+        key_frames=keys,
         exposure=exposure,
         seed=seed_value(seed),
         backend=backend,
     )
-    loaded = load_scene(scene)
-    require_light(loaded)  # before the charts, which may take a while
-    options.sampling.require(budget, loaded)
+    options.sampling.require(options.budget, loaded)
     with Progress() as progress, whole_folder(out) as folder:
         with progress.stage("Charts"):
             lightmaps = unwrap(loaded, trace=Structure(loaded, backend).trace, cache=default_cache())
@@ -134,7 +151,8 @@ def policies(
             ]
         )
     print_table(
-        f"{report['scene']}, {frames} frame{'s' if frames > 1 else ''} of {width}x{height}, {budget:,} rays a frame",
+        f"{report['scene']}, {options.frames} frame{'s' if options.frames > 1 else ''} of {width}x{height}, "
+        f"{options.budget:,} rays a frame",
         ["policy", "mean error %", "worst %", "updates on texels read %", "ratio", "mean age", "rays, at most"],
         rows,
     )

@@ -189,7 +189,7 @@ def test_page_of_one_policy_and_a_black_reference(tmp_path: Path) -> None:
 
 
 def test_line_chart() -> None:
-    series = {"a": [1.0, None, 3.0, 2.0], "b <": [4.0, 4.0, 4.0, 4.0]}
+    series: dict[str, list[float | None]] = {"a": [1.0, None, 3.0, 2.0], "b <": [4.0, 4.0, 4.0, 4.0]}
     svg = ET.fromstring(line_chart([0, 2, 4, 6], series, marks=[4], number=lambda value: f"{value:.0f} %"))
     lines = [line for line in svg.iter("polyline") if line.get("class") == "c0"]
     places = [[tuple(map(float, pair.split(","))) for pair in line.get("points", "").split()] for line in lines]

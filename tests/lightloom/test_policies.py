@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -125,7 +126,7 @@ def test_visible_texels_are_those_that_pixels_read_in_the_end() -> None:
 
 
 def test_summary_takes_means_of_what_there_is() -> None:
-    frame = {"texels": 10, "on_visible": 0.5, "unknown": 0.0, "seconds": 1.0}
+    frame: dict[str, Any] = {"texels": 10, "on_visible": 0.5, "unknown": 0.0, "seconds": 1.0}
     frames = [
         frame | {"rays": {"a": 5, "b": 0}, "spent": 5, "age": None, "oldest": None, "error": 0.1, "relative_mse": 1.0},
         frame | {"rays": {"a": 7, "b": 2}, "spent": 9, "age": 3.0, "oldest": 8},
@@ -234,14 +235,18 @@ def test_policies(cli: Run, tmp_path: Path, room: Path) -> None:
 
 
 def test_same_options_same_figures(cli: Run, tmp_path: Path, room: Path) -> None:
+    room.write_text(room.read_text() + "[render]\nframes = 2\nsize = [24, 16]\nbudget = 700\n")
     found = []
     for name in ("a", "b"):
-        command = ["policies", room, *TINY, "--frames", 2, "--policies", "visibility", "--key-frames", "1"]
-        outcome = cli(*command, "--out", tmp_path / name, "--json")
+        # What is not said here the scene says.
+        command = ["policies", room, "--policies", "visibility", "--key-frames", "1", "--reference-rays", 8]
+        outcome = cli(*command, "--out", tmp_path / name, "--backend", "numpy", "--json")
         assert outcome.code == 0, outcome
         report = json.loads(outcome.out)
         assert report["baseline"] == report["full"] == "visibility"
         assert report["reference"]["frames"] == [0, 1]
+        options = report["options"]
+        assert [options[key] for key in ("frames", "width", "height", "budget")] == [2, 24, 16, 700]
         found.append([[row[key] for key in ("error", "spent", "age")] for row in report["policies"][0]["frames"]])
     assert found[0] == found[1]
 
