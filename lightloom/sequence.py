@@ -9,18 +9,25 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from gen.timeline import timeline
 from golden_model import bitpack
 from golden_model.formats import PUBLISHED_TEXEL, TEXEL_STATE
 from golden_model.images import atlas, exposure_for, tonemap, write_exr, write_film, write_png
 from golden_model.lightmap import VALID, Lightmaps
+from golden_model.machine import FrameCounts
+from golden_model.preview import preview
 from golden_model.renderer import FrameResult, Renderer
 from golden_model.scene import Scene
+from golden_model.schedule import Schedule, schedule
+from lightloom.policy_pictures import QUANTITIES
 
 ENLARGED = 3
 """Pixels a texel has in pictures of lightmaps."""
 UNSAMPLED = (38, 38, 42, 255)
 """Texels without a sample of their own, as shown."""
 FRAMES_PER_SECOND = 12.0
+TIMELINE_FRAMES = 5
+"""Frames of the timeline, the last ones: those before are on their way up to speed."""
 LONGEST_FILM = 600
 """Frames that go into the film: they are all held in memory."""
 PI = 3.1415927
@@ -36,6 +43,12 @@ class Pictures:
     """Factor from radiance to display; None: taken from the first frame, for all of them."""
     exr: bool = False
     """Write the rendered radiance of each frame as EXR too."""
+    views: tuple[str, ...] = ()
+    """Names of `VIEWS` to show on the surfaces of the scene too, each as a film of its own."""
+
+
+VIEWS = {quantity.name: quantity for quantity in QUANTITIES}
+"""What is known of the texels and can be shown on the scene ([0046])."""
 
 
 def looped(scene: Scene, frames: int) -> Scene:
@@ -61,10 +74,13 @@ def render_sequence(
 ) -> dict[str, Any]:
     """Renders the next `frames` frames (>= 1) into `folder` and returns the figures, ready for JSON.
 
-    Writes frames/NNNN.png (and .exr), film.webp, lightmap/NNNN.png and .exr (the version after frame NNNN).
+    Writes frames/NNNN.png (and .exr), film.webp, lightmap/NNNN.png and .exr (the version after frame NNNN),
+    views/NAME.webp and views/NAME/NNNN.png, and timeline.svg: the stages of the last frames on the renderer's machine.
     """
     rows: list[dict[str, Any]] = []
     display: list[np.ndarray] = []
+    views: dict[str, list[np.ndarray]] = {name: [] for name in pictures.views}
+    counts: list[FrameCounts] = []
     seconds: Counter[str] = Counter()
     exposure = pictures.exposure
     keep = set(shown_lightmaps(frames))
@@ -81,10 +97,20 @@ def render_sequence(
             write_exr(folder / "frames" / f"{name}.exr", result.image)
         if result.frame in keep:
             write_lightmaps(folder / "lightmap" / name, renderer, exposure)
+        for view, film in views.items():
+            shown = _view(renderer, result, view, pictures.supersample)
+            write_png(folder / "views" / view / f"{name}.png", shown)
+            if len(film) < LONGEST_FILM:
+                film.append(shown)
         seconds.update(result.seconds)
+        counts.append(result.counts)
         rows.append(_figures(result, renderer))
         advance(1)
     write_film(folder / "film.webp", display, FRAMES_PER_SECOND)
+    for view, film in views.items():
+        write_film(folder / "views" / f"{view}.webp", film, FRAMES_PER_SECOND)
+    plan = schedule(renderer.machine, counts)
+    (folder / "timeline.svg").write_text(timeline(plan, *_last_frames(plan)), encoding="utf-8")
     assert exposure is not None
     return {
         "scene": renderer.scene.name,
@@ -93,12 +119,16 @@ def render_sequence(
         "height": renderer.height // pictures.supersample,
         "supersample": pictures.supersample,
         "exposure": exposure,
-        "budget": renderer.budget,
+        "budget": max(row["budget"] for row in rows),
         "seed": renderer.seed,
-        "sampling": {name: _number(value) for name, value in asdict(renderer.sampling).items()},
-        "rays_an_update": renderer.sampling.cost,
+        "sampling": asdict(renderer.sampling),
+        "policy": asdict(renderer.policy),
+        "pipeline": asdict(renderer.pipeline),
+        "rays_an_update": renderer.sampling.reserve(renderer.scene.specular),
         "priming_rays": renderer.priming_rays,
         "rays": dict(sum((Counter(row["rays"]) for row in rows), Counter())),
+        "frame_rays": dict(sum((Counter(row["frame_rays"]) for row in rows), Counter())),
+        "machine_time": _machine_time(plan),
         "frames": rows,
         "lightmap": lightmap_figures(renderer.lightmaps, renderer.state),
         "lightmap_frames": sorted(keep),
@@ -106,16 +136,42 @@ def render_sequence(
     }
 
 
-def _number(value: Any) -> int | float:
-    return value if isinstance(value, int) else round(float(value), 7)
+def _view(renderer: Renderer, result: FrameResult, name: str, pixels: int) -> np.ndarray:
+    """A quantity of the texels after the frame on the surfaces that it sees, 8-bit sRGB."""
+    quantity = VIEWS[name]
+    values = quantity.values(result, renderer.state)
+    image = preview(renderer.lightmaps, result.gbuffer, values, quantity.low, quantity.high, quantity.palette)
+    height, width = image.shape[0] // pixels, image.shape[1] // pixels
+    squares = image[: height * pixels, : width * pixels].reshape(height, pixels, width, pixels, 3)
+    return np.rint(squares.mean(axis=(1, 3))).astype(np.uint8)
+
+
+def _last_frames(plan: Schedule) -> tuple[int, int]:
+    """The time of the last frames of a schedule, in cycles."""
+    first = plan.frames[-min(TIMELINE_FRAMES, len(plan.frames))]
+    return first.begin, max(plan.duration, first.begin + 1)
+
+
+def _machine_time(plan: Schedule) -> dict[str, Any]:
+    """What the sequence would take on the machine."""
+    seconds = plan.machine.seconds
+    intervals = plan.intervals()
+    return {
+        "seconds": seconds(plan.duration),
+        "longest_frame_seconds": seconds(max(intervals, default=plan.duration)),
+        "longest_latency_seconds": seconds(max(frame.latency for frame in plan.frames)),
+        "utilisation": plan.utilisation(),
+    }
 
 
 def _figures(result: FrameResult, renderer: Renderer) -> dict[str, Any]:
     sampled = renderer.state["count"][renderer.lightmaps.texels["state"] == VALID] > 0
     return {
         "frame": result.frame,
+        "budget": result.budget,
         "texels": len(result.maintenance.texels),
         "rays": result.maintenance.rays,
+        "frame_rays": asdict(result.frame_rays),
         "sampled": float(sampled.mean()) if len(sampled) else 1.0,
         "seconds": sum(result.seconds.values()),
     }
@@ -146,7 +202,8 @@ def write_lightmaps(stem: Path, renderer: Renderer, exposure: float) -> None:
 
     Brightness in the PNG is that of a white surface under the irradiance, at the exposure of the frames.
     """
-    maps, rgba = renderer.lightmaps, renderer.published["rgba"]
+    maps = renderer.lightmaps
+    rgba = renderer.published["rgba"][: len(maps.texels)]
     write_exr(stem.with_suffix(".exr"), atlas(maps, rgba))
     irradiance = np.where(maps.fill[:, None] >= 0, rgba[:, :3].astype(np.float32), 0)
     colour = tonemap(irradiance[:, None], 0.7 * exposure / PI)[:, 0]

@@ -25,6 +25,11 @@ Traversal = Annotated[
 ]
 
 
+Threads = Annotated[
+    int, typer.Option("--threads", metavar="N", help="Threads that trace rays, with the same bits for any number.")
+]
+
+
 def npz(option: str, name: str, text: str) -> Any:
     """A required option that names an .npz file."""
     return typer.Option(option, metavar=f"{name}.npz", help=text, show_default=False)
