@@ -18,7 +18,7 @@ def report_page(report: Mapping[str, Any], folder: Path) -> str:
     """The page for a report (as in report.json) about the pictures in `folder`, which the demo has written."""
     render = report["render"]
     rows = render["frames"]
-    kinds = list(rows[0]["rays"])
+    kinds = [kind for kind in rows[0]["rays"] if any(row["rays"][kind] for row in rows)]
     budget_chart = stacked_bars(
         [row["frame"] for row in rows],
         {kind: [row["rays"][kind] for row in rows] for kind in kinds},

@@ -405,6 +405,9 @@ def machine_seconds(plan: Schedule) -> float:
     return plan.machine.seconds(sum(cycles)) / len(cycles)
 
 
+DECIDING = ("visibility", "footprints")
+"""Kinds of rays by which a policy makes up its mind."""
+
 MEASURES = ("error", "relative_mse", "flip")
 """What is compared with the baseline's."""
 
@@ -438,6 +441,7 @@ def summary(frames: Sequence[Mapping[str, Any]], budget: int) -> dict[str, Any]:
         "unknown": mean("unknown"),
         "age": mean("age"),
         "oldest": most("oldest"),
+        "deciding": sum(rays[kind] for kind in DECIDING) / len(frames),
         "rays": {kind: rays[kind] / len(frames) for kind in frames[0]["rays"]},
         "largest_spent": largest,
         "within_budget": largest <= budget,

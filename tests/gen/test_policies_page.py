@@ -98,6 +98,7 @@ def made_up(folder: Path) -> dict[str, Any]:
                     "rays": rays,
                     "largest_spent": sum(rays.values()),
                     "within_budget": name != "visibility",
+                    "deciding": float(rays["visibility"]),
                     "first_rays": 5000,
                     "machine_seconds": 0.0012345,
                     "seconds": 0.9,

@@ -128,15 +128,24 @@ def test_visible_texels_are_those_that_pixels_read_in_the_end() -> None:
 def test_summary_takes_means_of_what_there_is() -> None:
     frame: dict[str, Any] = {"texels": 10, "on_visible": 0.5, "unknown": 0.0, "seconds": 1.0}
     frames = [
-        frame | {"rays": {"a": 5, "b": 0}, "spent": 5, "age": None, "oldest": None, "error": 0.1, "relative_mse": 1.0},
-        frame | {"rays": {"a": 7, "b": 2}, "spent": 9, "age": 3.0, "oldest": 8},
-        frame | {"rays": {"a": 3, "b": 1}, "spent": 4, "age": 5.0, "oldest": 6, "error": 0.3, "relative_mse": None},
+        frame
+        | {
+            "rays": {"a": 5, "visibility": 0},
+            "spent": 5,
+            "age": None,
+            "oldest": None,
+            "error": 0.1,
+            "relative_mse": 1.0,
+        },
+        frame | {"rays": {"a": 7, "visibility": 2}, "spent": 9, "age": 3.0, "oldest": 8},
+        frame
+        | {"rays": {"a": 3, "visibility": 1}, "spent": 4, "age": 5.0, "oldest": 6, "error": 0.3, "relative_mse": None},
     ]
     found = summary(frames, 8)
     assert (found["error"], found["worst_error"]) == (pytest.approx(0.2), 0.3)
     assert (found["relative_mse"], found["flip"]) == (1.0, None)
     assert (found["age"], found["oldest"]) == (4.0, 8)
-    assert found["rays"] == {"a": 5.0, "b": 1.0}
+    assert (found["rays"], found["deciding"]) == ({"a": 5.0, "visibility": 1.0}, 1.0)
     assert (found["largest_spent"], found["within_budget"]) == (9, False)
     assert summary(frames, 9)["within_budget"]
 
