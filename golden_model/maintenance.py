@@ -7,8 +7,9 @@ import numpy as np
 
 from golden_model.blend import blend_texels
 from golden_model.collector import Collector
+from golden_model.drift import drifting
 from golden_model.formats import TEXEL_STATE
-from golden_model.gather import Sampling, World, gather
+from golden_model.gather import Gathered, Sampling, World, gather
 from golden_model.lightmap import Lightmaps
 from golden_model.policy import Policy
 from golden_model.sampling import Update
@@ -40,6 +41,10 @@ class Maintainer:
         self.state = np.zeros(len(lightmaps.texels), dtype=TEXEL_STATE)
         """TEXEL_STATE (N,)."""
         self.selector = Selector(lightmaps, scene, policy)
+        self._owner = lightmaps.texels["object"]
+        self._maps = len(lightmaps.width)
+        self._drifting = np.zeros(self._maps, dtype=bool)
+        """The maps whose samples of the last frame departed from their averages together."""
 
     def prime(
         self, world: World, budget: int, collector: Collector, clock: Stopwatch
@@ -51,8 +56,8 @@ class Maintainer:
         self.state["count"] = 0
         self.state["number"] = 0
         texel = self.selector.order[: budget // self.sampling.reserve(world.scene.specular)]
-        rays = yield from self._update(world, texel, 0, collector, clock)
-        return texel, rays
+        gathered = yield from self._update(world, texel, 0, collector, clock)
+        return texel, gathered.rays
 
     def run(
         self, world: World, context: FrameContext, budget: int, collector: Collector, clock: Stopwatch
@@ -65,24 +70,44 @@ class Maintainer:
         with clock("select"):
             plan = self.selector.plan(context, budget, reserve)
             plan.mark(self.state, self.policy.heavy_updates)
+        adrift = self._drifting
+        samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         rays = Counter(plan.rays)
         waiting = np.concatenate([plan.texel, plan.spare])
         count, updated = len(plan.texel), 0
         for _ in range(self.sampling.rounds):
             texel = waiting[updated : updated + count]
             plan.forget_old(self.state, texel)
-            rays.update((yield from self._update(world, texel, context.frame, collector, clock)))
+            light = adrift[self._owner[texel]] & (self.state["heavy"][texel] == 0)
+            self.state["heavy"][texel[light]] = 1
+            known = self.state["count"][texel] > 0
+            before = self.state["irradiance"][texel]
+            gathered = yield from self._update(world, texel, context.frame, collector, clock)
+            samples.append((texel[known], before[known], gathered.irradiance[known]))
+            rays.update(gathered.rays)
             updated += len(texel)
             count = (budget - rays.total()) // reserve
             if not count or updated == len(waiting):
                 break
+        if self.policy.drift:
+            with clock("blend"):
+                texel, before, sample = (np.concatenate(parts) for parts in zip(*samples, strict=True))
+                self._drifting = drifting(
+                    self._owner[texel],
+                    before,
+                    sample,
+                    self._maps,
+                    world.fraction,
+                    self.policy.drift_least,
+                    self.policy.drift_certainty,
+                )
         self.selector.spend(plan, updated - len(plan.texel))
         return Maintenance(texels=waiting[:updated], rays=dict(rays), plan=plan)
 
     def _update(
         self, world: World, texel: np.ndarray, frame: int, collector: Collector, clock: Stopwatch
-    ) -> Waves[dict[str, int]]:
-        """Samples and blends texels (M,), all different; returns the rays traced by kind."""
+    ) -> Waves[Gathered]:
+        """Samples and blends texels (M,), all different."""
         update = Update(
             texel=texel,
             record=world.lightmaps.texels[texel],
@@ -92,4 +117,4 @@ class Maintainer:
         gathered = yield from gather(world, update, self.sampling, collector, clock)
         with clock("blend"):
             blend_texels(self.state, texel, gathered.irradiance, self.sampling.blending, frame, gathered.spread)
-        return gathered.rays
+        return gathered

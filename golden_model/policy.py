@@ -98,6 +98,8 @@ class Policy:
     """Changes of light by a smaller part do not matter, 2**-12 to 0.25; levels 2 and 3 are for 4 and 16 times it."""
     influence_shiny: float = 2.0
     """Influence reaches so many times farther from mirrors and glass, 1 to 16."""
+    influence_hiding: float = 0.5
+    """What an object hides counts as much as what a surface of this reflectance reflects, 0 to 1."""
     influence_ahead: float = 4.0
     """It reaches so many frames of motion ahead of what moves, 0 to 64."""
     influence_slack: float = 4.0
@@ -116,8 +118,14 @@ class Policy:
     """Change levels from this one on make new samples weigh more, 1 to 4 (none)."""
     heavy_updates: int = 6
     """The number of updates that do, 0 to 7."""
+    drift: bool = True
+    """Samples of a map whose light as a whole is on its way to somewhere else weigh more, until it is there."""
+    drift_least: int = 3
+    """Part of its light by which a map's samples of a frame must depart from its averages, in 1/256, 1 to 256 …"""
+    drift_certainty: int = 2
+    """… and how many times more than by chance, 1 to 15."""
     invalidate: bool = False
-    """Texels sampled at such a level drop their old value instead (claim 14)."""
+    """The first of these updates drops the old value instead (claim 14)."""
 
     # --- how a frame's updates are shared out ---
     sweep: int = 48
@@ -138,8 +146,9 @@ class Policy:
     """For change levels 0 to 3 of the others: their light reaches the seen ones."""
     variability_points: tuple[int, int, int, int] = (0, 1, 2, 3)
     """For bins 0 to 3."""
-    need_points: tuple[int, int, int, int] = (0, 1, 1, 3)
-    """For texels in order, not sampled for `old` frames, with fewer than `few` samples, never sampled."""
+    need_points: tuple[int, int, int, int] = (0, 1, 4, 2)
+    """For texels in order, not sampled for `old` frames, with fewer than `few` samples, never sampled: those show what
+    lies around them, with less noise than one sample of their own has."""
     lod_points: tuple[int, int, int, int] = (0, -2, -4, -6)
     """For levels of detail 0 to 3: -2 a level is a quarter of the samples a texel, the same number a pixel."""
     few: int = 8
@@ -163,6 +172,8 @@ class Policy:
                 raise InputError(f"policy {name} {getattr(self, name)}: the thresholds must rise")
         if self.influence not in INFLUENCES:
             raise InputError(f"policy influence {self.influence}: must be one of {', '.join(INFLUENCES)}")
+        if self.invalidate and not self.heavy_updates:
+            raise InputError("policy invalidate: heavy_updates must be 1 or more, the first one drops the old value")
         if self.sweep + self.probe > SHARE:
             raise InputError(f"policy sweep {self.sweep} and probe {self.probe}: together at most {SHARE}")
 
@@ -191,6 +202,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "notice_votes": (1, 9),
     "influence_least": (2.0**-12, 0.25),
     "influence_shiny": (1.0, 16.0),
+    "influence_hiding": (0.0, 1.0),
     "influence_ahead": (0.0, 64.0),
     "influence_slack": (0.0, 1024.0),
     "influence_records": (2, 64),
@@ -199,6 +211,8 @@ RANGES: dict[str, tuple[float, float]] = {
     "footprint_rays": (0, 1024),
     "heavy_level": (1, 4),
     "heavy_updates": (0, 7),
+    "drift_least": (1, 256),
+    "drift_certainty": (1, 15),
     "sweep": (0, SHARE),
     "probe": (0, SHARE),
     "rays_share": (0, SHARE // 2),
@@ -214,7 +228,7 @@ RANGES: dict[str, tuple[float, float]] = {
 }
 """Lowest and highest value of every number; whole where they are."""
 
-_VISIBILITY = Policy(variability_bits=0, notice=False, influence="off")
+_VISIBILITY = Policy(variability_bits=0, notice=False, influence="off", drift=False)
 _VARIABILITY = replace(_VISIBILITY, variability_bits=2)
 
 POLICIES = {
