@@ -36,7 +36,7 @@ def _measure_scene(triangles: np.ndarray, count: int) -> dict[str, Any]:
     bvh, seconds = _timed(partial(build, triangles))
     figures: dict[str, Any] = {"triangles": len(triangles), "build_s": seconds, "sah_cost": bvh.sah_cost}
     rays = surface_rays(triangles, count)
-    backends = [name for name in ("numpy", "numba") if _installed(name)]
+    backends = [name for name in ("numpy", "numba") if installed(name)]
     for kind, any_hit in (("closest", False), ("any", True)):
         recorder = TestRecorder(1, seed=SEED)
         trace(bvh, rays, any_hit=any_hit, recorder=recorder)
@@ -69,7 +69,8 @@ def surface_rays(triangles: np.ndarray, count: int) -> np.ndarray:
     return rays
 
 
-def _installed(backend: str) -> bool:
+def installed(backend: str) -> bool:
+    """Whether a backend of the tracer can be used here."""
     try:
         return backend_of(backend) == backend
     except InputError:

@@ -66,6 +66,17 @@ def tracing(sizes: Sizes) -> Iterator[Row]:
             yield _row("tracing", f"{name}: {kind} hit, triangle tests", figures[kind]["tests"], "per ray")
 
 
+def frames(sizes: Sizes) -> Iterator[Row]:
+    """Stages of a frame of 256x256 with 20,000 maintenance rays: Cornell box, and the turning bunny where it is."""
+    from lightloom.bench_frames import measure
+
+    for scene, backends in measure().items():
+        for backend, stages in backends.items():
+            yield _row("frames", f"{scene}, {backend}: together", sum(stages.values()), "s/frame")
+            for stage, seconds in sorted(stages.items(), key=lambda item: -item[1]):
+                yield _row("frames", f"{scene}, {backend}: {stage}", seconds, "s/frame")
+
+
 def emission(sizes: Sizes) -> Iterator[Row]:
     """Time to emit Verilog and manifests of all units, for each preset."""
     from lightloom.emission import emit_units
@@ -82,6 +93,7 @@ def emission(sizes: Sizes) -> Iterator[Row]:
 BENCHMARKS: dict[str, Callable[[Sizes], Iterator[Row]]] = {
     "ray-triangle": ray_triangle_vectors,
     "tracing": tracing,
+    "frames": frames,
     "emission": emission,
 }
 
