@@ -62,6 +62,8 @@ REFERENCE_SEED = 0x5EED
 class Comparison:
     """What is compared, and how."""
 
+    scene: str = "cornell-box"
+    """As `load_scene` takes it."""
     policies: tuple[str, ...] = tuple(POLICIES)
     """Names in `POLICIES`, in the order of the page."""
     frames: int = 48
@@ -115,14 +117,24 @@ class Comparison:
         """The frames compared with the reference, rising; those shown are among them."""
         return sorted({*range(0, self.frames, self.reference_every), *self.shown})
 
-    def command(self, scene: str) -> str:
+    @property
+    def command(self) -> str:
         """The command line that does the same again."""
-        words = ["lightloom policies", scene, f"--policies {','.join(self.policies)}", f"--frames {self.frames}"]
-        words += [f"--budget {self.budget}", f"--size {self.width}x{self.height}"]
-        words += [f"--reference-rays {self.reference_rays}", f"--reference-every {self.reference_every}"]
-        if self.key_frames:
-            words.append(f"--key-frames {','.join(str(frame) for frame in self.shown)}")
-        return " ".join([*words, f"--seed {self.seed}"])
+        options: dict[str, object] = {
+            "policies": ",".join(self.policies),
+            "frames": self.frames,
+            "budget": self.budget,
+            "size": f"{self.width}x{self.height}",
+            "directions": self.directions,
+            "light-samples": self.light_samples,
+            "reference-rays": self.reference_rays,
+            "reference-every": self.reference_every,
+            "key-frames": ",".join(str(frame) for frame in self.shown),
+            "seed": self.seed,
+        }
+        if self.exposure is not None:
+            options["exposure"] = self.exposure
+        return " ".join(["lightloom policies", self.scene, *(f"--{name} {value}" for name, value in options.items())])
 
     @property
     def baseline(self) -> str:
@@ -376,7 +388,7 @@ def _report(
         "baseline": options.baseline,
         "full": options.full,
         "options": asdict(options),
-        "command": options.command(scene.name),
+        "command": options.command,
         "key_frames": options.shown,
         "rays_an_update": options.sampling.reserve(scene.specular),
         "policies": policies,

@@ -116,6 +116,7 @@ def policies(
     given = loaded.render
     width, height = wanted or given.size or SIZE
     options = Comparison(
+        scene=scene,
         policies=chosen,
         frames=frames or given.frames or FRAMES,
         width=width,

@@ -258,6 +258,9 @@ def test_same_options_same_figures(cli: Run, tmp_path: Path, room: Path) -> None
         assert [options[key] for key in ("frames", "width", "height", "budget")] == [2, 24, 16, 700]
         found.append([[row[key] for key in ("error", "spent", "age")] for row in report["policies"][0]["frames"]])
     assert found[0] == found[1]
+    again = cli(*report["command"].split()[1:], "--out", tmp_path / "c", "--backend", "numpy", "--json")
+    assert again.code == 0, again
+    assert json.loads(again.out)["policies"][0]["summary"]["error"] == report["policies"][0]["summary"]["error"]
 
 
 def test_bad_input(cli: Run, tmp_path: Path, room: Path) -> None:
