@@ -1,0 +1,165 @@
+"""Drift: noise about the averages is none, a shift of a whole map is, by both thresholds and in exact integers."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from golden_model.drift import drifting
+from golden_model.gather import Sampling
+from golden_model.policy import Policy
+from golden_model.renderer import Renderer
+from golden_model.scene import Scene
+from tests.golden_model.moving_scenes import scene_of
+
+FRACTION = 16
+UNIT = 2.0**-8
+"""What luminances are added up in: 2**8 of the accumulators' last places."""
+LEAST, CERTAINTY = Policy().drift_least, Policy().drift_certainty
+
+
+def grey(units: list[int] | np.ndarray) -> np.ndarray:
+    """(M,) luminances in units to (M, 3) float32."""
+    return np.repeat((np.asarray(units) * UNIT).astype(np.float32)[:, None], 3, axis=1)
+
+
+def drifts(before: list[int] | np.ndarray, after: list[int] | np.ndarray, least: int, certainty: int) -> bool:
+    """Whether a single map drifts whose texels had averages `before` and get samples `after`, in units."""
+    owner = np.zeros(len(before), dtype=np.int64)
+    return bool(drifting(owner, grey(before), grey(after), 1, FRACTION, least, certainty)[0])
+
+
+def test_noise_about_the_averages_is_no_drift_and_a_shift_of_all_is() -> None:
+    """200 maps of 400 samples with noise of 20 %: chance exceeds twice its measure in one map out of twenty."""
+    seed, maps, samples = 5, 200, 400
+    random = np.random.default_rng(seed)
+    owner = np.repeat(np.arange(maps), samples)
+    before = random.integers(500, 2000, len(owner))
+    noise = random.normal(0, 0.2, len(owner))
+    for shift, low, high in ((0.0, 0, 0.1), (0.05, 0.95, 1), (-0.05, 0.95, 1)):
+        after = np.maximum(before * (1 + shift + noise), 0).round()
+        found = drifting(owner, grey(before), grey(after), maps, FRACTION, LEAST, CERTAINTY)
+        assert low <= found.mean() <= high, f"seed {seed}, shift {shift}: {found.mean()}"
+
+
+def test_departures_that_cancel_are_none() -> None:
+    assert not drifts([1000] * 64, [1900, 100] * 32, 1, 1)
+    assert drifts([1000] * 64, [1900, 1100] * 32, 1, 1)
+
+
+def test_a_small_part_of_the_light_does_not_count() -> None:
+    """3/256 of sixteen averages of 256 units are 48: more than that has to come together."""
+    before = [256] * 16
+    assert not drifts(before, [259] * 16, 3, 2)
+    assert drifts(before, [259] * 15 + [260], 3, 2)
+    assert not drifts(before, [253] * 16, 3, 2)
+    assert drifts(before, [253] * 15 + [252], 3, 2)
+
+
+def test_few_samples_prove_nothing() -> None:
+    """Equal departures d of n samples: (n d)**2 > certainty**2 n d**2 where n > certainty**2."""
+    for certainty in (1, 2, 3, 15):
+        enough = certainty * certainty
+        assert not drifts([100] * enough, [150] * enough, LEAST, certainty)
+        assert drifts([100] * (enough + 1), [150] * (enough + 1), LEAST, certainty)
+
+
+def test_light_in_the_dark_and_no_samples() -> None:
+    assert drifts([0] * 8, [1] * 8, 256, 2)
+    assert not drifts([0] * 8, [0] * 8, 1, 1)
+    assert not drifts([], [], 1, 1)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    samples=st.lists(st.tuples(st.integers(0, 2), st.integers(0, 2**23), st.integers(0, 2**23)), max_size=24),
+    least=st.integers(1, 256),
+    certainty=st.integers(1, 15),
+    seed=st.integers(0, 2**32),
+)
+def test_sums_are_exact_by_map_and_free_of_order(
+    samples: list[tuple[int, int, int]], least: int, certainty: int, seed: int
+) -> None:
+    """Against Python's integers; 2**23 units saturate, as 32 bits of the accumulators do."""
+    owner = np.array([s[0] for s in samples], dtype=np.int64)
+    before, after = ([s[k] for s in samples] for k in (1, 2))
+    expected = []
+    for number in range(3):
+        most = 2**23 - 1
+        pairs = [(min(old, most), min(new, most)) for which, old, new in samples if which == number]
+        light, total = sum(old for old, _ in pairs), sum(new - old for old, new in pairs)
+        squares = sum((new - old) ** 2 for old, new in pairs)
+        expected.append(256 * abs(total) > least * light and total**2 > certainty**2 * squares)
+    found = drifting(owner, grey(before), grey(after), 3, FRACTION, least, certainty)
+    assert found.tolist() == expected
+    order = np.random.default_rng(seed).permutation(len(samples))
+    mixed = drifting(owner[order], grey(before)[order], grey(after)[order], 3, FRACTION, least, certainty)
+    assert mixed.tolist() == expected
+
+
+def test_widths_of_the_sums_of_65536_glaring_samples() -> None:
+    """24 + 16 bits for the sums with their sign and 46 + 16 for the squares hold them."""
+    before, after = np.zeros(65536, dtype=np.int64), np.full(65536, 2**23)
+    assert drifts(before, after, 256, 15)
+    assert drifts(after, before, 255, 15)
+    assert not drifts(after, before, 256, 15), "not more than all light can go"
+
+
+def switched(folder: Path, frame: int) -> Scene:
+    """A room whose shining ceiling goes down to a tenth after a frame."""
+    return scene_of(
+        folder,
+        f"""
+texel_size = 0.5
+[camera]
+position = [0, 0, 1.5]
+target = [0, 0, 0]
+[[box]]
+name = "ball"
+center = [0, -0.5, 0]
+size = [0.5, 0.5, 0.5]
+[[quad]]
+name = "floor"
+corners = [[-2, -1, 2], [2, -1, 2], [2, -1, -2], [-2, -1, -2]]
+albedo = [0.9, 0.9, 0.9]
+[[quad]]
+name = "wall"
+corners = [[-2, -1, -2], [2, -1, -2], [2, 2, -2], [-2, 2, -2]]
+albedo = [0.9, 0.9, 0.9]
+[[quad]]
+name = "lamp"
+corners = [[-2, 2, -2], [2, 2, -2], [2, 2, 2], [-2, 2, 2]]
+emission = [5, 5, 5]
+[[quad.path]]
+frame = {frame}
+[[quad.path]]
+frame = {frame + 1}
+emission = 0.1
+""",
+    )
+
+
+def test_maps_that_drift_take_their_samples_heavily(tmp_path: Path) -> None:
+    """Without influence and notice nothing else tells that the lamp was dimmed; with drift the maps follow sooner."""
+    scene = switched(tmp_path, 6)
+    policy = Policy(influence="off", notice=False)
+    left = []
+    for drift in (False, True):
+        renderer = Renderer(
+            scene,
+            width=24,
+            height=20,
+            budget=1200,
+            sampling=Sampling(directions=4, light_samples=2),
+            policy=replace(policy, drift=drift),
+        )
+        light = []
+        for _ in range(16):
+            renderer.frame()
+            known = renderer.state["count"] > 0
+            light.append(float(renderer.state["irradiance"][known].mean()))
+        left.append(light[-1] / light[6])
+    without, heavy = left
+    assert heavy < 0.7 * without, left  # 0.27 and 0.41 of the light before
