@@ -75,12 +75,16 @@ def _power(sources: list[Source]) -> float:
 def reflecting_reach(table: Table, before: Scene, after: Scene, item: Moved, policy: Policy) -> np.ndarray:
     """How far an object that moved matters to -x, +x, -y, +y, -z, +z, by what it reflects and what it hides: (6,).
 
-    A face of area A and reflectance rho that gets the usual irradiance E brings E A rho / (pi r**2) at distance r.
+    A face of area A and reflectance rho that gets the usual irradiance E brings E A rho / (pi r**2) at distance r. What
+    it hides, on either side, it takes away in the same measure.
     """
-    there = [scene for scene in (before, after) if scene.present[item.object]]
     area = np.zeros(6)
-    for scene in there:
-        area = np.maximum(area, facing_areas(table, scene, item.object, grey(scene.albedo)))
+    for scene in (before, after):
+        if scene.present[item.object]:
+            outline = facing_areas(table, scene, item.object, np.ones(len(scene.albedo)))
+            outline = np.maximum(outline, outline[[1, 0, 3, 2, 5, 4]])
+            area = np.maximum(area, facing_areas(table, scene, item.object, grey(scene.albedo)))
+            area = np.maximum(area, outline * policy.influence_hiding)
     reach = np.sqrt(area * (remembered(item.motion, policy) / (PI * policy.influence_least)))
     return reach * (policy.influence_shiny if item.shiny else 1.0)
 

@@ -96,7 +96,7 @@ class Plan:
     """The selection of a frame, of N texels."""
 
     texel: np.ndarray
-    """The texels to update, each once, the most urgent first, (M,) int64."""
+    """The texels to update, each once, (M,) int64: those of probing and of the sweep, then by class from the top."""
     spare: np.ndarray
     """Further ones, in this order, for budget that is left over, (S,) int64; none of them in `texel`."""
     spare_class: np.ndarray
@@ -118,7 +118,7 @@ class Plan:
     heavy: np.ndarray
     """Texels whose next samples are to weigh more, (N,) bool."""
     forget: np.ndarray
-    """Texels that drop their old value if they are sampled in this frame, (N,) bool."""
+    """Texels that drop their old value when they are sampled in this frame, (N,) bool; none unless `invalidate`."""
     records: np.ndarray
     """INFLUENCE (K,) of this frame."""
     touched: np.ndarray
@@ -161,8 +161,7 @@ class Selector:
         policy, maps = self.policy, context.lightmaps
         valid = np.zeros(len(maps.texels), dtype=bool)
         valid[self.order] = maps.texels["state"][self.order] == VALID
-        allowed = budget * policy.rays_share // SHARE
-        certain = (budget - allowed) // cost
+        allowed = self._allowed(budget, cost)
         records, footprint_rays = self._changes(context, allowed)
         boxes = loose_bounds(self._table, context.after, policy)
         influence = texel_levels(records, boxes, maps, valid)
@@ -176,7 +175,7 @@ class Selector:
         urgent = valid & ((influence >= policy.heavy_level) | believed)
 
         updates = (budget - footprint_rays - visibility_rays) // cost
-        chosen, spare = self._share_out(valid, sight.degree, priority, updates, certain)
+        chosen, spare = self._share_out(valid, sight.degree, priority, updates, (budget - allowed) // cost)
         return Plan(
             texel=chosen,
             spare=spare,
@@ -188,8 +187,9 @@ class Selector:
             bins=bins,
             influence=influence,
             change=change,
-            heavy=urgent & (not policy.invalidate),
-            forget=urgent & policy.invalidate,
+            heavy=urgent & (policy.heavy_updates > 0),
+            # Heavy updates of which none has come yet: the change is known and the value is from before it.
+            forget=(urgent | (valid & (context.state["heavy"] == policy.heavy_updates))) & policy.invalidate,
             records=records,
             touched=touched(records, boxes).any(axis=0),
         )
@@ -200,7 +200,7 @@ class Selector:
         For frames of `budget` rays and `cost` a texel. The sweep goes round V texels, and takes floor(F u s / 256) - 1
         in F frames of u certain updates with a share s (`Share.of`).
         """
-        certain = (budget - budget * self.policy.rays_share // SHARE) // cost
+        certain = (budget - self._allowed(budget, cost)) // cost
         share = self.policy.sweep or self.policy.probe
         return -(-(len(self.order) + 1) * SHARE // (certain * share)) if certain * share else 1 << 62
 
@@ -208,6 +208,10 @@ class Selector:
         """Says that the first `count` of the plan's spare texels are updated too: their turns have passed."""
         for texel, rank in zip(plan.spare[:count], plan.spare_class[:count], strict=True):
             self._turns[rank].pass_over(int(self._place[texel]))
+
+    def _allowed(self, budget: int, cost: int) -> int:
+        """Rays that visibility and footprints may take together: a share, and never the price of the last update."""
+        return max(min(budget * self.policy.rays_share // SHARE, budget - cost), 0)
 
     def _changes(self, context: FrameContext, rays: int) -> tuple[np.ndarray, int]:
         """INFLUENCE (K,) of this frame, and the rays traced for them."""

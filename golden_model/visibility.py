@@ -202,7 +202,9 @@ class Visibility:
         later = np.zeros(count, dtype=np.uint8)
         if predicted is not None:
             there = screen_test(position, normal, *predicted, texel_size, policy)
-            soon[chosen] = there.degree == SEEN
+            # What is in doubt there counts too: strips that appear along a silhouette are narrower than its pixels.
+            soon[chosen] = there.degree >= LIKELY
+            soon = self.windows.largest(soon.view(np.uint8), policy.near_seen) > 0
             # A pixel of the small picture covers more texels than one of the frame will.
             finer = int(policy.prediction_scale).bit_length() - 1
             later[chosen] = np.maximum(there.lod.astype(np.int16) - finer, 0)

@@ -1,0 +1,113 @@
+"""Small scenes with lightmaps, G-buffers and contexts for the tests of selection."""
+
+import functools
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from golden_model.camera import View, look_at
+from golden_model.charts import unwrap
+from golden_model.cornell_box import cornell_box, cornell_box_parts
+from golden_model.formats import TEXEL_STATE
+from golden_model.lightmap import Lightmaps, bilinear_taps
+from golden_model.motion import moved_records
+from golden_model.paths import ObjectKey, ObjectPath
+from golden_model.rasterizer import rasterize
+from golden_model.scene import Camera, Scene, assemble, vector
+from golden_model.selection import FrameContext
+from golden_model.structure import Structure
+
+IDENTITY = (1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stage:
+    """A scene at rest, its lightmaps and its structure."""
+
+    scene: Scene
+    lightmaps: Lightmaps
+    structure: Structure
+
+    def draw(self, camera: Camera, frame: int, width: int, height: int) -> tuple[View, np.ndarray]:
+        scene = self.scene.at(frame)
+        view = look_at(camera.position, camera.target, camera.up, camera.fov_y_tan, width, height)
+        return view, rasterize(view, scene.triangles, scene.normals, scene.object_id, self.lightmaps.uv)
+
+    def context(self, frame: int = 0, size: int = 64, state: np.ndarray | None = None, **more: object) -> FrameContext:
+        scene = self.scene.at(frame)
+        self.structure.update(scene)
+        view, gbuffer = self.draw(scene.camera, frame, size, size)
+        fields = {
+            "frame": frame,
+            "before": self.scene.at(max(frame - 1, 0)),
+            "after": scene,
+            "lightmaps": moved_records(self.lightmaps, scene),
+            "state": self.state() if state is None else state,
+            "view": view,
+            "gbuffer": gbuffer,
+            "trace": self.structure.trace,
+        }
+        return FrameContext(**{**fields, **more})  # type: ignore[arg-type]
+
+    def state(self, count: int = 0) -> np.ndarray:
+        """TEXEL_STATE of texels that all have so many samples."""
+        state = np.zeros(len(self.lightmaps.texels), dtype=TEXEL_STATE)
+        state["count"] = count
+        return state
+
+
+def stage(scene: Scene) -> Stage:
+    structure = Structure(scene.at(0))
+    return Stage(scene=scene, lightmaps=unwrap(scene, trace=Structure(scene).trace), structure=structure)
+
+
+@functools.cache
+def cornell(texel_size: float) -> Stage:
+    """The Cornell box, whose camera moves."""
+    return stage(replace(cornell_box(), texel_size=texel_size))
+
+
+def key(frame: int, translate: tuple[float, ...], emission: float = 1.0, present: bool = True) -> ObjectKey:
+    return ObjectKey(
+        frame=frame,
+        translate=vector(translate),
+        rotate=np.array(IDENTITY, dtype=np.float32),
+        emission=np.float32(emission),
+        present=present,
+    )
+
+
+@functools.cache
+def visited(texel_size: float = 40.0, surface: int = 0) -> Stage:
+    """The Cornell box with a third block that comes from outside, frames 0 to 10, and vanishes in frame 20.
+
+    It stays where it is from frame 10 on. The lamp goes out in frame 30.
+    """
+    parts = cornell_box_parts()
+    for k, part in enumerate(parts):
+        if part.name == "light":
+            parts[k] = replace(part, path=_path(key(29, (0, 0, 0)), key(30, (0, 0, 0), emission=0)))
+    guest = replace(
+        cornell_box_parts(["short block"])[0],
+        name="guest",
+        surface=surface,
+        path=_path(key(0, (0, 150, -700)), key(10, (-40, 150, -100)), key(20, (-40, 150, -100), present=False)),
+    )
+    box = cornell_box()
+    return stage(
+        assemble(name="visited", parts=[*parts, guest], where="visited", camera=box.camera, texel_size=texel_size)
+    )
+
+
+def _path(*keys: ObjectKey) -> ObjectPath:
+    return ObjectPath(keys=keys, pivot=vector((0, 0, 0)))
+
+
+def read_by_pixels(lightmaps: Lightmaps, gbuffer: np.ndarray) -> np.ndarray:
+    """Which texels (N,) the pixels of a G-buffer read between texels, with what is shown in place of others."""
+    pixel = gbuffer[(gbuffer["primitive"] >= 0) & gbuffer["front"]]
+    texel, weight = bilinear_taps(lightmaps, pixel["object"], pixel["lightmap"])
+    shown = lightmaps.fill[texel[weight > 0]]
+    out = np.zeros(len(lightmaps.texels), dtype=bool)
+    out[shown[shown >= 0]] = True
+    return out
