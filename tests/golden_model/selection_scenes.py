@@ -13,7 +13,7 @@ from golden_model.lightmap import Lightmaps, bilinear_taps
 from golden_model.motion import moved_records
 from golden_model.paths import ObjectKey, ObjectPath
 from golden_model.rasterizer import rasterize
-from golden_model.scene import Camera, Scene, assemble, vector
+from golden_model.scene import Camera, Part, Scene, assemble, vector
 from golden_model.selection import FrameContext
 from golden_model.structure import Structure
 
@@ -86,12 +86,12 @@ def visited(texel_size: float = 40.0, surface: int = 0) -> Stage:
     parts = cornell_box_parts()
     for k, part in enumerate(parts):
         if part.name == "light":
-            parts[k] = replace(part, path=_path(key(29, (0, 0, 0)), key(30, (0, 0, 0), emission=0)))
+            parts[k] = replace(part, path=path_of(key(29, (0, 0, 0)), key(30, (0, 0, 0), emission=0)))
     guest = replace(
         cornell_box_parts(["short block"])[0],
         name="guest",
         surface=surface,
-        path=_path(key(0, (0, 150, -700)), key(10, (-40, 150, -100)), key(20, (-40, 150, -100), present=False)),
+        path=path_of(key(0, (0, 150, -1200)), key(10, (-40, 150, -100)), key(20, (-40, 150, -100), present=False)),
     )
     box = cornell_box()
     return stage(
@@ -99,7 +99,7 @@ def visited(texel_size: float = 40.0, surface: int = 0) -> Stage:
     )
 
 
-def _path(*keys: ObjectKey) -> ObjectPath:
+def path_of(*keys: ObjectKey) -> ObjectPath:
     return ObjectPath(keys=keys, pivot=vector((0, 0, 0)))
 
 
@@ -111,3 +111,20 @@ def read_by_pixels(lightmaps: Lightmaps, gbuffer: np.ndarray) -> np.ndarray:
     out = np.zeros(len(lightmaps.texels), dtype=bool)
     out[shown[shown >= 0]] = True
     return out
+
+
+def plate(
+    name: str, albedo: float, emission: float = 0.0, size: float = 2.0, height: float = 0.0, up: bool = True
+) -> Part:
+    """A square in the plane y = `height` around the y axis, that looks up or down."""
+    half = size / 2
+    square = [(-half, height, -half), (-half, height, half), (half, height, half), (half, height, -half)]
+    if not up:
+        square.reverse()
+    return Part(
+        name=name,
+        corners=np.array([[square[k] for k in face] for face in ((0, 1, 2), (0, 2, 3))], dtype=np.float32),
+        albedo=np.full((1, 3), albedo, dtype=np.float32),
+        emission=np.full((1, 3), emission, dtype=np.float32),
+        material=np.zeros(2, dtype=np.int32),
+    )

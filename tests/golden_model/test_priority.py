@@ -1,6 +1,7 @@
 """Classes and how updates are shared out among them."""
 
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 from hypothesis import given, settings
@@ -19,7 +20,7 @@ def test_quotas_spend_all_and_higher_classes_are_sampled_more(members: list[int]
     assert all(0 <= q <= n for q, n in zip(out, members, strict=True))
     # Rates never fall with the class, but for what rounding down moves: less than one update a class.
     there = [c for c in range(16) if members[c]]
-    for low, high in zip(there, there[1:], strict=False):
+    for low, high in pairwise(there):
         assert Fraction(out[high] + 1, members[high]) >= min(Fraction(out[low] - 16, members[low]), 1)
 
 
