@@ -7,7 +7,7 @@ import numpy as np
 
 from golden_model.blend import blend_texels
 from golden_model.collector import Collector
-from golden_model.drift import drifting
+from golden_model.drift import departures
 from golden_model.formats import TEXEL_STATE
 from golden_model.gather import Gathered, Sampling, World, gather
 from golden_model.lightmap import Lightmaps
@@ -43,8 +43,8 @@ class Maintainer:
         self.selector = Selector(lightmaps, scene, policy)
         self._owner = lightmaps.texels["object"]
         self._maps = len(lightmaps.width)
-        self._drifting = np.zeros(self._maps, dtype=bool)
-        """The maps whose samples of the last frame departed from their averages together."""
+        self._departures = np.zeros((2, self._maps), dtype=np.int8)
+        """To which side the samples of each map departed from their averages, in the last two frames."""
 
     def prime(
         self, world: World, budget: int, collector: Collector, clock: Stopwatch
@@ -70,7 +70,7 @@ class Maintainer:
         with clock("select"):
             plan = self.selector.plan(context, budget, reserve)
             plan.mark(self.state, self.policy.heavy_updates)
-        adrift = self._drifting
+        adrift = (self._departures[0] == self._departures[1]) & (self._departures[1] != 0)
         samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         rays = Counter(plan.rays)
         waiting = np.concatenate([plan.texel, plan.spare])
@@ -92,7 +92,7 @@ class Maintainer:
         if self.policy.drift:
             with clock("blend"):
                 texel, before, sample = (np.concatenate(parts) for parts in zip(*samples, strict=True))
-                self._drifting = drifting(
+                now = departures(
                     self._owner[texel],
                     before,
                     sample,
@@ -101,6 +101,7 @@ class Maintainer:
                     self.policy.drift_least,
                     self.policy.drift_certainty,
                 )
+                self._departures = np.stack([self._departures[1], now])
         self.selector.spend(plan, updated - len(plan.texel))
         return Maintenance(texels=waiting[:updated], rays=dict(rays), plan=plan)
 
