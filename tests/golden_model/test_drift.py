@@ -1,12 +1,20 @@
-"""Drift: noise about the averages is none, a shift of a whole map is, by both thresholds and in exact integers."""
+"""Drift: noise about the averages is none, a shift of a whole map is, by both thresholds and in exact integers.
+
+And what it does: two frames to the same side, and samples weigh more.
+"""
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from golden_model import maintenance
+from golden_model.blend import blend_texels
+from golden_model.cornell_box import cornell_box
 from golden_model.drift import departures
 from golden_model.gather import Sampling
 from golden_model.policy import Policy
@@ -25,13 +33,13 @@ def grey(units: list[int] | np.ndarray) -> np.ndarray:
     return np.repeat((np.asarray(units) * UNIT).astype(np.float32)[:, None], 3, axis=1)
 
 
-def drifts(before: list[int] | np.ndarray, after: list[int] | np.ndarray, least: int, certainty: int) -> bool:
+def departs(before: list[int] | np.ndarray, after: list[int] | np.ndarray, least: int, certainty: int) -> bool:
     """Whether a single map departs whose texels had averages `before` and get samples `after`, in units."""
     owner = np.zeros(len(before), dtype=np.int64)
     return bool(departures(owner, grey(before), grey(after), 1, FRACTION, least, certainty)[0] != 0)
 
 
-def test_noise_about_the_averages_is_no_drift_and_a_shift_of_all_is() -> None:
+def test_noise_about_the_averages_is_no_departure_and_a_shift_of_all_is() -> None:
     """200 maps of 400 samples with noise of 20 %: chance exceeds twice its measure in one map out of twenty."""
     seed, maps, samples = 5, 200, 400
     random = np.random.default_rng(seed)
@@ -47,31 +55,31 @@ def test_noise_about_the_averages_is_no_drift_and_a_shift_of_all_is() -> None:
 
 
 def test_departures_that_cancel_are_none() -> None:
-    assert not drifts([1000] * 64, [1900, 100] * 32, 1, 1)
-    assert drifts([1000] * 64, [1900, 1100] * 32, 1, 1)
+    assert not departs([1000] * 64, [1900, 100] * 32, 1, 1)
+    assert departs([1000] * 64, [1900, 1100] * 32, 1, 1)
 
 
 def test_a_small_part_of_the_light_does_not_count() -> None:
     """3/256 of sixteen averages of 256 units are 48: more than that has to come together."""
     before = [256] * 16
-    assert not drifts(before, [259] * 16, 3, 2)
-    assert drifts(before, [259] * 15 + [260], 3, 2)
-    assert not drifts(before, [253] * 16, 3, 2)
-    assert drifts(before, [253] * 15 + [252], 3, 2)
+    assert not departs(before, [259] * 16, 3, 2)
+    assert departs(before, [259] * 15 + [260], 3, 2)
+    assert not departs(before, [253] * 16, 3, 2)
+    assert departs(before, [253] * 15 + [252], 3, 2)
 
 
 def test_few_samples_prove_nothing() -> None:
     """Equal departures d of n samples: (n d)**2 > certainty**2 n d**2 where n > certainty**2."""
     for certainty in (1, 2, 3, 15):
         enough = certainty * certainty
-        assert not drifts([100] * enough, [150] * enough, LEAST, certainty)
-        assert drifts([100] * (enough + 1), [150] * (enough + 1), LEAST, certainty)
+        assert not departs([100] * enough, [150] * enough, LEAST, certainty)
+        assert departs([100] * (enough + 1), [150] * (enough + 1), LEAST, certainty)
 
 
 def test_light_in_the_dark_and_no_samples() -> None:
-    assert drifts([0] * 8, [1] * 8, 256, 2)
-    assert not drifts([0] * 8, [0] * 8, 1, 1)
-    assert not drifts([], [], 1, 1)
+    assert departs([0] * 8, [1] * 8, 256, 2)
+    assert not departs([0] * 8, [0] * 8, 1, 1)
+    assert not departs([], [], 1, 1)
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
@@ -105,9 +113,36 @@ def test_sums_are_exact_by_map_and_free_of_order(
 def test_widths_of_the_sums_of_65536_glaring_samples() -> None:
     """24 + 16 bits for the sums with their sign and 46 + 16 for the squares hold them."""
     before, after = np.zeros(65536, dtype=np.int64), np.full(65536, 2**23)
-    assert drifts(before, after, 256, 15)
-    assert drifts(after, before, 255, 15)
-    assert not drifts(after, before, 256, 15), "not more than all light can go"
+    assert departs(before, after, 256, 15)
+    assert departs(after, before, 255, 15)
+    assert not departs(after, before, 256, 15), "not more than all light can go"
+
+
+def test_two_frames_to_the_same_side_make_a_drift(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Departures frame by frame, by a script; samples are heavy in the frame after two that are equal and not 0."""
+    sides = [1, -1, -1, 0, 1, 1, 1, -1]
+    script = iter(sides)
+    heavy: list[bool] = []
+
+    def blended(state: np.ndarray, texel: np.ndarray, *rest: Any) -> None:
+        assert len(np.unique(state["heavy"][texel])) == 1
+        heavy.append(bool(state["heavy"][texel][0]))
+        blend_texels(state, texel, *rest)
+
+    renderer = Renderer(
+        replace(cornell_box(), texel_size=100.0),
+        width=24,
+        height=20,
+        budget=200,
+        sampling=Sampling(directions=4, light_samples=2, rounds=1, priming=0),
+        policy=Policy(influence="off", notice=False),
+    )
+    maps = len(renderer.lightmaps.width)
+    monkeypatch.setattr(maintenance, "departures", lambda *_: np.full(maps, next(script), dtype=np.int8))
+    monkeypatch.setattr(maintenance, "blend_texels", blended)
+    for _ in sides:
+        renderer.frame()
+    assert heavy == [False, False, False, True, False, False, True, True]
 
 
 def switched(folder: Path, frame: int) -> Scene:
