@@ -1,9 +1,9 @@
 """Converged lightmaps of the frames of a scene: what maintenance under a budget is compared with.
 
 Every valid texel is sampled in rounds, each of which reads the maps that the rounds before have made: a bounce of light
-a round. With few rays first, until the light of all maps together hardly changes any more, then with many: the mean of
-these rounds counts. A frame starts from the maps of the frame that was asked for before it, so asking in order is
-cheapest. This is no part of the frame loop and knows no budget.
+a round. With few rays first, until the light of all maps together hardly changes any more; then the mean of further
+rounds counts, of many rays for the texels that are looked at. A frame starts from the maps of the frame that was asked
+for before it, so asking in order is cheapest. This is no part of the frame loop and knows no budget.
 """
 
 from dataclasses import replace
@@ -31,8 +31,8 @@ ROUNDS = 8
 """That are averaged."""
 SETTLING = 32
 """Rounds before them, at most."""
-SETTLING_DIRECTIONS = 16
-"""Rays of a texel in each of those, at most."""
+COARSE_RAYS = 128
+"""Rays for indirect light of a texel that nobody looks at, in all rounds that are averaged."""
 SETTLED_BITS = 11
 """They end when the light of all maps changes by less than 2**-SETTLED_BITS in a round."""
 BATCH = 4096
@@ -62,59 +62,82 @@ class Reference:
         self.scene, self.lightmaps, self.seed = scene, lightmaps, seed
         directions = rays // ROUNDS
         self.sampling = Sampling(directions=directions, light_samples=max(directions // 2, 1))
-        few = min(directions, SETTLING_DIRECTIONS)
-        self.settling = replace(self.sampling, directions=few, light_samples=max(few // 2, 1))
+        few = min(directions, COARSE_RAYS // ROUNDS)
+        self.coarse = replace(self.sampling, directions=few, light_samples=max(few // 2, 1))
         self.structure = Structure(scene.at(0), backend, None, threads)
         self.fraction = fraction_bits(scene, self.sampling.balanced)
         self.publisher = Publisher(lightmaps)
         self._published = self.publisher.everything(np.zeros(len(lightmaps.texels), dtype=TEXEL_STATE))
         self._frame: int | None = None
+        self._state = np.zeros(len(lightmaps.texels), dtype=TEXEL_STATE)
 
-    def published(self, frame: int) -> np.ndarray:
-        """The converged maps of a frame: PUBLISHED_TEXEL (texels of all levels,)."""
+    def published(self, frame: int, precise: np.ndarray | None = None) -> np.ndarray:
+        """The converged maps of a frame: PUBLISHED_TEXEL (texels of all levels,).
+
+        `precise` names the texels that are looked at, (K,): these get all rays, the others `COARSE_RAYS` at most,
+        enough for what they send on to many. None: all texels are precise.
+        """
         if self._frame is None or (self.scene.dynamic and frame != self._frame):
             self._settle(frame)
             self._frame = frame
+        wanted = self._valid.copy()
+        if precise is not None:
+            wanted[:] = False
+            wanted[precise] = True
+            wanted &= self._valid
+        texel = np.flatnonzero(wanted & ~self._precise)
+        if len(texel):
+            # They read the settled maps, not each other.
+            self._state["irradiance"][texel] = self._mean(self._world, texel, self.sampling)
+            self._precise[texel] = True
+            self._published = self.publisher.everything(self._state)
         return self._published
 
     def _settle(self, frame: int) -> None:
         scene = self.scene.at(frame)
         self.structure.update(scene)
         lightmaps = moved_records(self.lightmaps, scene)
-        texel = np.flatnonzero(lightmaps.texels["state"] == VALID)
-        state = np.zeros(len(lightmaps.texels), dtype=TEXEL_STATE)
-        state["count"][texel] = 1
-        surfaces = Surfaces(
-            scene=scene,
-            lightmaps=self.lightmaps,
-            irradiance=readable(self._published),
-            textures=build_textures(scene.textures),
+        self._valid = lightmaps.texels["state"] == VALID
+        self._precise = np.zeros_like(self._valid)
+        texel = np.flatnonzero(self._valid)
+        self._state["count"] = self._valid
+        world = World(
+            surfaces=Surfaces(
+                scene=scene,
+                lightmaps=self.lightmaps,
+                irradiance=readable(self._published),
+                textures=build_textures(scene.textures),
+            ),
+            lightmaps=lightmaps,
+            lights=lights_of(scene),
+            fraction=self.fraction,
         )
-        lights = lights_of(scene)
-        corners = scene.corners[scene.present[scene.object_id]]
-        collector = Collector(self.structure.trace, corners.min(axis=(0, 1)), corners.max(axis=(0, 1)))
-        total = np.zeros((len(texel), 3))
-        light, settled, rounds = 0, False, 0
-        number = 0
-        while rounds < ROUNDS:
-            world = World(surfaces=surfaces, lightmaps=lightmaps, lights=lights, fraction=self.fraction)
-            settled = settled or number == SETTLING
-            sample = self._round(world, collector, texel, number, self.sampling if settled else self.settling)
-            if settled:
-                total = total + sample
-                rounds += 1
-                sample = (total / rounds).astype(np.float32)
+        light = 0
+        for number in range(SETTLING):
+            sample = self._round(world, texel, number, self.coarse)
+            world = self._with_maps(world, texel, sample)
             before, light = light, light_of(sample, self.fraction)
-            settled = settled or abs(light - before) << SETTLED_BITS <= light
-            state["irradiance"][texel] = sample
-            self._published = self.publisher.everything(state)
-            surfaces = replace(surfaces, irradiance=readable(self._published))
-            number += 1
+            if abs(light - before) << SETTLED_BITS <= light:
+                break
+        self._world = self._with_maps(world, texel, self._mean(world, texel, self.coarse))
 
-    def _round(
-        self, world: World, collector: Collector, texel: np.ndarray, number: int, sampling: Sampling
-    ) -> np.ndarray:
+    def _with_maps(self, world: World, texel: np.ndarray, irradiance: np.ndarray) -> World:
+        """The world whose maps hold the irradiance (M, 3) of texels (M,)."""
+        self._state["irradiance"][texel] = irradiance
+        self._published = self.publisher.everything(self._state)
+        return replace(world, surfaces=replace(world.surfaces, irradiance=readable(self._published)))
+
+    def _mean(self, world: World, texel: np.ndarray, sampling: Sampling) -> np.ndarray:
+        """The mean of `ROUNDS` samples of each texel (M,), (M, 3) float32."""
+        total = np.zeros((len(texel), 3))
+        for number in range(ROUNDS):
+            total = total + self._round(world, texel, number, sampling)
+        return (total / ROUNDS).astype(np.float32)
+
+    def _round(self, world: World, texel: np.ndarray, number: int, sampling: Sampling) -> np.ndarray:
         """A sample of the irradiance of each texel (M,), (M, 3) float32."""
+        corners = world.scene.corners[world.scene.present[world.scene.object_id]]
+        collector = Collector(self.structure.trace, corners.min(axis=(0, 1)), corners.max(axis=(0, 1)))
         parts = [np.zeros((0, 3), dtype=np.float32)]
         for begin in range(0, len(texel), BATCH):
             part = texel[begin : begin + BATCH]

@@ -107,15 +107,18 @@ class Comparison:
         """The frames shown as pictures, rising."""
         if self.key_frames:
             return sorted(set(self.key_frames))
-        compared = range(0, self.frames, self.reference_every)
-        # The first frame is the same under all policies, so it is left out where there are others.
-        places = np.linspace(0, len(compared) - 1, min(KEY_FRAMES, len(compared) - 1) + 1)[1:]
-        return sorted({compared[round(place)] for place in places}) or [0]
+        places = np.linspace(0, len(self._regular) - 1, min(KEY_FRAMES + 1, len(self._regular)))
+        return sorted({self._regular[round(place)] for place in places[-KEY_FRAMES:]})
 
     @property
     def compared(self) -> list[int]:
         """The frames compared with the reference, rising; those shown are among them."""
-        return sorted({*range(0, self.frames, self.reference_every), *self.shown})
+        return sorted({*self._regular, *self.shown})
+
+    @property
+    def _regular(self) -> Sequence[int]:
+        """Every K-th frame, without frame 0: what that one shows was there before any policy had its say."""
+        return range(max(self.reference_every - 1, 1), self.frames, self.reference_every) or [self.frames - 1]
 
     @property
     def command(self) -> str:
@@ -260,7 +263,7 @@ class _Judge:
         """Compares one frame under each policy; writes its pictures if it is a key frame. Figures by policy."""
         first = self.options.policies[0]
         renderer, result = renderers[first], results[first]
-        wanted = renderer.picture(result, self.reference.published(result.frame))
+        wanted = renderer.picture(result, self.reference.published(result.frame, self._looked_at(result)))
         if self.exposure is None:
             self.exposure = exposure_for(wanted)
         if self.noise is None:
@@ -287,8 +290,13 @@ class _Judge:
         """
         rays = self.options.reference_rays
         fewer = max(rays // NOISE_RAYS, LEAST_RAYS)
-        between = error(renderer.picture(result, self._reference(fewer, 1).published(result.frame)), wanted)
+        other = self._reference(fewer, 1).published(result.frame, self._looked_at(result))
+        between = error(renderer.picture(result, other), wanted)
         return None if between is None else between / float(np.sqrt(1 + rays / fewer))
+
+    def _looked_at(self, result: FrameResult) -> np.ndarray | None:
+        """The texels that the picture of a frame reads; None: any, where mirrors and glass show what is not seen."""
+        return None if self.scene.specular else visible_texels(self.lightmaps, result.gbuffer)
 
     def _write(self, results: Mapping[str, FrameResult], wanted: np.ndarray) -> dict[str, float]:
         """Writes a key frame's pictures; mean FLIP of each policy's."""
