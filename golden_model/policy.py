@@ -70,26 +70,32 @@ class Policy:
     """Varies with the spread of the rays of one update."""
     within_map: bool = True
     """Varies with the contrast to the neighbouring texels."""
-    deviation_bins: tuple[int, int, int] = (24, 56, 128)
+    deviation_bins: tuple[int, int, int] = (32, 64, 128)
     """Deviations from which bins 1, 2, 3 begin, in 1/256, 1 to 4095, rising; one bit takes the middle one alone."""
-    spread_bins: tuple[int, int, int] = (24, 56, 128)
+    spread_bins: tuple[int, int, int] = (32, 64, 128)
     """The same for the spread."""
-    contrast_bins: tuple[int, int, int] = (16, 40, 96)
+    contrast_bins: tuple[int, int, int] = (32, 64, 128)
     """The same for the contrast, at most 256."""
+    variability_share: int = 64
+    """All thresholds rise and fall so that this part of the sampled texels, in 1/256, lies in the highest bin after
+    widening, 1 to 256; 0: they stay."""
     by_region: bool = False
     """A region of 8 x 8 texels has one bin, the highest of its texels'; else every texel has its own."""
     dilation: int = 1
     """High bins reach so many texels further, 0 to 7: a map that is wrong is wrong towards more sampling."""
     guard: int = 2
-    """They reach so many texels further still where the map has changed since the last frame, 0 to 7."""
+    """They reach so many texels further still where the map has changed since the last frame, 0 to 7 …"""
+    guard_change: int = 2
+    """… by so many bins or more, 1 to 3."""
     rings: int = 2
     """Texels around high bins over which the bins fall by one each, 0 to 7: outward from high variability."""
 
     # --- change: where light becomes different ([0076] to [0083], FIG. 16 to 19, claim 14) ---
     notice: bool = True
     """Sampling spreads around texels whose last sample was unusual ([0078])."""
-    notice_radius: int = 3
-    """The spread: texels to which change level 2 reaches, and as many again for level 1, 1 to 15."""
+    notice_radius: int = 2
+    """A change that is believed has level 2 to so many texels around, and level 1 to as many again; else level 1, 1 to
+    15."""
     notice_votes: int = 2
     """A change is believed where so many of 3 x 3 texels noticed one, 1 to 9: a single one may be noise."""
     influence: str = "volumes"
@@ -197,6 +203,8 @@ RANGES: dict[str, tuple[float, float]] = {
     "contrast_bins": (1, 256),
     "dilation": (0, 7),
     "guard": (0, 7),
+    "guard_change": (1, 3),
+    "variability_share": (0, 256),
     "rings": (0, 7),
     "notice_radius": (1, 15),
     "notice_votes": (1, 9),

@@ -244,10 +244,11 @@ class Selector:
         noticed = (state["noticed"] & valid).astype(np.uint8)
         if not (policy.notice and noticed.any()):
             return np.zeros(len(valid), dtype=np.uint8), np.zeros(len(valid), dtype=bool)
-        near = self._windows.largest(noticed, policy.notice_radius)
-        far = self._windows.largest(near, policy.notice_radius)
         believed = (noticed > 0) & (self._windows.total(noticed) >= policy.notice_votes)
-        return noticed + near + far, believed
+        centre = believed.view(np.uint8)
+        near = self._windows.largest(centre, policy.notice_radius)
+        around = self._windows.largest(near | noticed, policy.notice_radius)
+        return centre + near + around, believed
 
     def _share_out(
         self, valid: np.ndarray, degree: np.ndarray, priority: np.ndarray, updates: int, certain: int

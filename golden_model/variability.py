@@ -1,9 +1,10 @@
 """The variability map: where light varies, in bins of one or two bits ([0058], [0072], [0073], FIG. 13 and 14).
 
 Three kinds of variation are binned by thresholds: across frames (`deviation` of the texel's state), within a frame (its
-`spread`), and within the map (contrast to the neighbours). The highest bin counts. It is then widened, so that the map
+`spread`), and within the map (contrast to the neighbours). The highest bin counts. The map is then widened, so that it
 errs towards more sampling, widened more where it has changed, and falls off in rings, so that sampling goes outward
-from high variability ([0075]). Widening does not cross the border of a chart.
+from high variability ([0075]). Widening does not cross the border of a chart. All thresholds rise and fall together
+with the noise of the maps, so that a stated share of the texels is high.
 """
 
 import numpy as np
@@ -11,11 +12,16 @@ import numpy as np
 from golden_model.floats import flush, quiet
 from golden_model.lightmap import Lightmaps
 from golden_model.map_windows import Windows
-from golden_model.policy import Policy
+from golden_model.policy import SHARE, Policy
 from golden_model.regions import regions_of
 
 HIGH = 3
 """The highest bin; also what one bit stands for when it is set."""
+
+ONE = 16
+"""The scale at which the policy's thresholds count as they are."""
+LEAST, MOST = ONE // 4, ONE * 16
+"""Bounds of the scale."""
 
 
 @quiet
@@ -54,6 +60,8 @@ class Variability:
         self.windows, self.policy = windows, policy
         self.last = np.zeros(len(lightmaps.texels), dtype=np.uint8)
         """Bins of the last frame before they were widened, (N,) uint8."""
+        self.scale = ONE
+        """Factor of all thresholds, in 1/ONE, LEAST to MOST: a register."""
         region = regions_of(lightmaps).of_texel
         self._by_region = np.argsort(region, kind="stable")
         self._first = np.flatnonzero(np.diff(region[self._by_region], prepend=-1))
@@ -68,7 +76,8 @@ class Variability:
         bins = np.zeros(len(state), dtype=np.uint8)
 
         def used(thresholds: tuple[int, int, int]) -> tuple[int, ...]:
-            return thresholds if policy.variability_bits == 2 else thresholds[1:2]
+            scaled = tuple(threshold * self.scale // ONE for threshold in thresholds)
+            return scaled if policy.variability_bits == 2 else scaled[1:2]
 
         for wanted, name, thresholds in (
             (policy.across_frames, "deviation", policy.deviation_bins),
@@ -97,11 +106,12 @@ class Variability:
     def widened(self, bins: np.ndarray) -> np.ndarray:
         """Bins (N,) of this frame to the map that selection reads, (N,) uint8; `last` becomes `bins`.
 
-        Every bin reaches `dilation` texels further; where it differs from the last frame's, the higher of the two
-        reaches `guard` more; from there it falls by one a texel over `rings` texels.
+        Every bin reaches `dilation` texels further; where it differs from the last frame's by `guard_change` or more,
+        the higher of the two reaches `guard` more; from there it falls by one a texel over `rings` texels.
         """
         policy, windows = self.policy, self.windows
-        restless = np.where(bins != self.last, np.maximum(bins, self.last), np.uint8(0))
+        higher, lower = np.maximum(bins, self.last), np.minimum(bins, self.last)
+        restless = np.where(higher - lower >= policy.guard_change, higher, np.uint8(0))
         self.last = bins
         out = windows.largest(bins, policy.dilation)
         out = np.maximum(out, windows.largest(restless, policy.dilation + policy.guard if policy.guard else 0))
@@ -110,8 +120,24 @@ class Variability:
             out = np.maximum(out, np.where(around > 0, around - np.uint8(1), np.uint8(0)))
         return out
 
+    def adapt(self, high: int, known: int) -> None:
+        """Moves the scale by an eighth towards `variability_share` of `known` texels in the highest bin, now `high`.
+
+        Up above the share, down below half of it; two counters and one comparison a frame ([0072]: thresholds by the
+        statistics of the values).
+        """
+        step = max(self.scale // 8, 1)
+        if high * SHARE > known * self.policy.variability_share:
+            self.scale = min(self.scale + step, MOST)
+        elif 2 * high * SHARE < known * self.policy.variability_share:
+            self.scale = max(self.scale - step, LEAST)
+
     def look(self, state: np.ndarray, values: np.ndarray | None, valid: np.ndarray) -> np.ndarray:
-        """`measure` and `widened`; all zero where the policy has no variability map."""
+        """`measure` and `widened`, then `adapt`; all zero where the policy has no variability map."""
         if self.policy.variability_bits == 0:
             return np.zeros(len(state), dtype=np.uint8)
-        return self.widened(self.measure(state, values, valid))
+        out = self.widened(self.measure(state, values, valid))
+        if self.policy.variability_share:
+            known = valid & (state["count"] > 0)
+            self.adapt(int(np.count_nonzero(known & (out == HIGH))), int(np.count_nonzero(known)))
+        return out

@@ -11,7 +11,7 @@ from golden_model.policy import Policy
 from golden_model.variability import HIGH, Variability, contrast_bins, luminance
 from tests.golden_model.test_publish import maps_of
 
-NARROW = replace(Policy(), dilation=0, guard=0, rings=0)
+NARROW = replace(Policy(), dilation=0, guard=0, rings=0, variability_share=0, contrast_bins=(16, 40, 96))
 MAPS = maps_of([(20, 12), (3, 3)])
 COUNT = len(MAPS.texels)
 VALID = np.ones(COUNT, dtype=bool)
@@ -98,12 +98,39 @@ def test_high_bins_are_dilated_and_fall_off_in_rings() -> None:
     assert [square(bins, value) for value in (3, 2, 1)] == [(3, 3), (5, 5), (7, 7)]
 
 
+@pytest.mark.parametrize("share", [32, 128])
+def test_thresholds_follow_the_noise_so_that_a_share_of_the_texels_is_high(share: int) -> None:
+    rng = np.random.default_rng(4)
+    maps = maps_of([(64, 64)])
+    measured = Variability(maps, Windows(maps), replace(NARROW, variability_share=share))
+    state = np.zeros(4096, dtype=TEXEL_STATE)
+    state["count"] = 9
+    for noise in (600, 60):
+        for _ in range(40):
+            state["deviation"] = rng.integers(0, noise, 4096)
+            bins = measured.look(state, None, np.ones(4096, dtype=bool))
+        assert share / 256 / 2.2 < (bins == HIGH).mean() < 1.2 * share / 256
+    # Without it the same map is all high, or all low.
+    fixed = variability(replace(NARROW, across_frames=False))
+    fixed.look(state_with("spread", 4095, np.arange(COUNT)), None, VALID)
+    assert fixed.scale == 16
+    # Where nothing varies the thresholds stop at a quarter, and a single step of a float is not noise.
+    for _ in range(60):
+        state["deviation"] = 7
+        assert not (measured.look(state, None, np.ones(4096, dtype=bool)) > 0).any() or measured.scale > 4
+    assert measured.scale == 4
+
+
 def test_where_the_map_changes_the_guard_is_wider_for_that_frame() -> None:
     state = state_with("deviation", 4095, 20 * 6 + 10)
     measured = variability(replace(NARROW, dilation=1, guard=2))
     first, second = measured.look(state, None, VALID), measured.look(state, None, VALID)
     assert square(first, 3) == (7, 7)
     assert square(second, 3) == (3, 3)
+    # By one bin only it is not.
+    small = measured.look(state_with("deviation", 100, 20 * 6 + 10), None, VALID)
+    assert square(small, 2) == (3, 3)
+    measured.look(state, None, VALID)
     # What has become quiet is still guarded, once.
     gone = measured.look(np.zeros(COUNT, dtype=TEXEL_STATE), None, VALID)
     assert square(gone, 3) == (7, 7)
