@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from golden_model.blend import blend_texels
+from golden_model.blend import blend_texels, drop
 from golden_model.collector import Collector
 from golden_model.drift import departures
 from golden_model.formats import TEXEL_STATE
@@ -25,6 +25,8 @@ class Maintenance:
 
     texels: np.ndarray
     """Numbers of the texels updated, each once, in the order of their updates, (M,) int64."""
+    dropped: np.ndarray
+    """Texels whose values were dropped because their light has changed, (D,) int64."""
     rays: dict[str, int]
     """Rays traced by kind: "indirect", "specular" (on from mirrors and glass), "shadow", "visibility", "footprints";
     together at most the budget."""
@@ -70,6 +72,8 @@ class Maintainer:
         with clock("select"):
             plan = self.selector.plan(context, budget, reserve)
             plan.mark(self.state, self.policy.heavy_updates)
+            dropped = np.flatnonzero(plan.influence >= self.policy.drop_level)
+            drop(self.state, dropped)
         adrift = (self._departures[0] == self._departures[1]) & (self._departures[1] != 0)
         samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         rays = Counter(plan.rays)
@@ -103,7 +107,7 @@ class Maintainer:
                 )
                 self._departures = np.stack([self._departures[1], now])
         self.selector.spend(plan, updated - len(plan.texel))
-        return Maintenance(texels=waiting[:updated], rays=dict(rays), plan=plan)
+        return Maintenance(texels=waiting[:updated], dropped=dropped, rays=dict(rays), plan=plan)
 
     def _update(
         self, world: World, texel: np.ndarray, frame: int, collector: Collector, clock: Stopwatch

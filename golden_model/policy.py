@@ -100,7 +100,7 @@ class Policy:
     """A change is believed where so many of 3 x 3 texels noticed one, 1 to 9: a single one may be noise."""
     influence: str = "volumes"
     """One of INFLUENCES."""
-    influence_least: float = 0.03125
+    influence_least: float = 0.015625
     """Changes of light by a smaller part do not matter, 2**-12 to 0.25; levels 2 and 3 are for 4 and 16 times it."""
     influence_shiny: float = 2.0
     """Influence reaches so many times farther from mirrors and glass, 1 to 16."""
@@ -120,10 +120,13 @@ class Policy:
     """Radius of a ray's footprint over its length, 0.015625 to 4."""
     footprint_rays: int = 64
     """Rays for footprints a frame, at most, 0 to 1024."""
-    heavy_level: int = 3
+    heavy_level: int = 2
     """Change levels from this one on make new samples weigh more, 1 to 4 (none)."""
     heavy_updates: int = 6
     """The number of updates that do, 0 to 7."""
+    drop_level: int = 3
+    """Texels that influence reaches at such levels drop their values at once, 1 to 4 (none): until they are sampled they
+    show what the texels around them have found since (claim 14)."""
     drift: bool = True
     """Samples of a map whose light as a whole is on its way to somewhere else weigh more, until it is there."""
     drift_least: int = 3
@@ -219,6 +222,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "footprint_rays": (0, 1024),
     "heavy_level": (1, 4),
     "heavy_updates": (0, 7),
+    "drop_level": (1, 4),
     "drift_least": (1, 256),
     "drift_certainty": (1, 15),
     "sweep": (0, SHARE),
