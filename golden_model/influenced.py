@@ -82,7 +82,8 @@ def _reached(record: np.ndarray, texels: np.ndarray) -> np.ndarray:
 
 def _faces(centre: np.ndarray, half: np.ndarray, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """Whether any point of a box lies in front of points (N, 3) with normals (N, 3): (N,) bool."""
-    return flush(dot(normal, flush(centre - position)) + dot(np.abs(normal), half)) > 0
+    nearest = flush(dot(normal, flush(centre - position)) + dot(np.abs(normal), half))
+    return np.asarray(nearest > 0)
 
 
 def _between(record: np.ndarray, position: np.ndarray) -> np.ndarray:
@@ -94,7 +95,7 @@ def _between(record: np.ndarray, position: np.ndarray) -> np.ndarray:
     middle = flush(flush(record["light"] + position) - flush(record["low"] + record["high"]))
     size = flush(record["high"] - record["low"])
     reach = np.abs(along)
-    meets = (np.abs(middle) <= flush(size + reach)).all(axis=1)
+    meets = np.asarray((np.abs(middle) <= flush(size + reach)).all(axis=1))
     for i, j in ((1, 2), (2, 0), (0, 1)):
         moment = np.abs(flush(flush(middle[:, i] * along[:, j]) - flush(middle[:, j] * along[:, i])))
         meets &= moment <= flush(flush(size[i] * reach[:, j]) + flush(size[j] * reach[:, i]))

@@ -47,7 +47,7 @@ def screen_test(
     """
     count = len(position)
     degree, lod = np.zeros(count, dtype=np.uint8), np.zeros(count, dtype=np.uint8)
-    size = np.float32(texel_size)
+    size = np.asarray(texel_size, dtype=np.float32)
 
     # Facing: the distance of the eye from the texel's plane, against a part of the distance along the view axis.
     towards = subtract(view.position, position)

@@ -2,6 +2,7 @@
 
 import functools
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -33,11 +34,11 @@ class Stage:
         view = look_at(camera.position, camera.target, camera.up, camera.fov_y_tan, width, height)
         return view, rasterize(view, scene.triangles, scene.normals, scene.object_id, self.lightmaps.uv)
 
-    def context(self, frame: int = 0, size: int = 64, state: np.ndarray | None = None, **more: object) -> FrameContext:
+    def context(self, frame: int = 0, size: int = 64, state: np.ndarray | None = None, **more: Any) -> FrameContext:
         scene = self.scene.at(frame)
         self.structure.update(scene)
         view, gbuffer = self.draw(scene.camera, frame, size, size)
-        fields = {
+        fields: dict[str, Any] = {
             "frame": frame,
             "before": self.scene.at(max(frame - 1, 0)),
             "after": scene,
@@ -47,7 +48,7 @@ class Stage:
             "gbuffer": gbuffer,
             "trace": self.structure.trace,
         }
-        return FrameContext(**{**fields, **more})  # type: ignore[arg-type]
+        return FrameContext(**{**fields, **more})
 
     def state(self, count: int = 0) -> np.ndarray:
         """TEXEL_STATE of texels that all have so many samples."""

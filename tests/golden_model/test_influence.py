@@ -12,11 +12,14 @@ from golden_model.influenced import loose_bounds, texel_levels, touched
 from golden_model.lightmap import VALID
 from golden_model.motion import moved_records
 from golden_model.policy import Policy
-from golden_model.scene import DIFFUSE, MIRROR, Camera, Scene, assemble, vector
+from golden_model.scene import DIFFUSE, MIRROR, Camera, Part, Scene, assemble, vector
 from golden_model.scene_changes import bounds, moved_objects, sources, table_of
 from golden_model.structure import Structure
 from tests.golden_model.selection_scenes import Stage, key, path_of, plate, visited
 
+BASE = Policy(
+    influence_least=1 / 32, influence_memory=8, influence_shiny=2, influence_hiding=0.5, influence_ahead=4, shadows=True
+)
 STAGE = visited()
 TABLE = table_of(STAGE.scene)
 GUEST = STAGE.scene.object_names.index("guest")
@@ -71,7 +74,7 @@ def test_bounds_hold_every_vertex(frame: int) -> None:
 
 def test_influence_starts_grows_shrinks_and_stops_with_the_overlap() -> None:
     """Texels of the room that a block reaches while it comes, or goes the same way."""
-    policy = replace(Policy(), shadows=False, influence_ahead=0)
+    policy = replace(BASE, shadows=False, influence_ahead=0)
     room_only = ~of_object(STAGE, "guest")
 
     def reached(frame: int, before: int) -> int:
@@ -93,7 +96,7 @@ def test_influence_starts_grows_shrinks_and_stops_with_the_overlap() -> None:
 
 
 def test_levels_are_nested_and_near_is_higher() -> None:
-    records, found, valid = levels(STAGE, 20, replace(Policy(), shadows=False))
+    records, found, valid = levels(STAGE, 20, replace(BASE, shadows=False))
     gap = np.maximum(records["low"][0] - STAGE.lightmaps.texels["position"], 0)
     gap = np.maximum(gap, STAGE.lightmaps.texels["position"] - records["high"][0])
     distance = np.sqrt((gap.astype(np.float64) ** 2).sum(axis=1))
@@ -113,7 +116,9 @@ def test_reach_is_asymmetric_by_what_faces_each_side() -> None:
     def reach(albedo: float, surface: int, hiding: float = 0.0) -> tuple[float, float, float]:
         flat = replace(plate("flat", albedo), surface=surface, path=path_of(key(0, (0, 0, 0)), key(1, (5, 0, 0))))
         scene = room(flat, lamp())
-        record = volumes(table_of(scene), scene.at(0), scene.at(1), Policy(influence_hiding=hiding, shadows=False))[0]
+        record = volumes(
+            table_of(scene), scene.at(0), scene.at(1), replace(BASE, influence_hiding=hiding, shadows=False)
+        )[0]
         assert record["object"] == 0
         return float(record["reach_low"][1]), float(record["reach_high"][1]), float(record["reach_high"][0])
 
@@ -131,14 +136,14 @@ def test_reach_is_asymmetric_by_what_faces_each_side() -> None:
 def test_slow_motion_causes_lower_levels() -> None:
     def level(step: float) -> int:
         scene = room(replace(plate("flat", 0.8), path=path_of(key(0, (0, 0, 0)), key(1, (step, 0, 0)))), lamp())
-        return int(volumes(table_of(scene), scene.at(0), scene.at(1), Policy(shadows=False))[0]["level"])
+        return int(volumes(table_of(scene), scene.at(0), scene.at(1), replace(BASE, shadows=False))[0]["level"])
 
     # A side is 2 long and motion adds up over 8 frames: levels 2 and 3 begin at 1/8 and 1/2 of the size.
     assert [level(step) for step in (0.01, 0.04, 0.2)] == [1, 2, 3]
 
 
 def test_shadows_reach_texels_behind_what_moved_and_no_others() -> None:
-    policy = replace(Policy(), influence_ahead=0)
+    policy = replace(BASE, influence_ahead=0)
     records, found, valid = levels(STAGE, 20, policy)
     assert records["kind"].tolist() == [VOLUME, SHADOW]
     only = texel_levels(records[1:], loose_bounds(TABLE, STAGE.scene.at(20), policy), STAGE.lightmaps, valid)
@@ -159,7 +164,7 @@ def test_shadows_reach_texels_behind_what_moved_and_no_others() -> None:
 
 
 def test_a_light_that_goes_out_influences_all_that_it_lit() -> None:
-    records, found, valid = levels(STAGE, 30, Policy())
+    records, found, valid = levels(STAGE, 30, BASE)
     assert records["object"].tolist() == [LAMP]
     assert records["kind"].tolist() == [VOLUME]
     assert (found[valid & of_object(STAGE, "floor")] == 3).all()
@@ -173,7 +178,7 @@ def test_point_lights_that_move_or_change() -> None:
     brighter, elsewhere = lights.copy(), lights.copy()
     brighter["intensity"][0] = 18
     elsewhere["position"][0] = (0, 5, 2)
-    table, policy = table_of(scene), Policy()
+    table, policy = table_of(scene), BASE
     usual = 4 * np.pi * 18.1 / table.total
     record = volumes(table, scene, replace(scene, point_lights=brighter), policy)
     assert record["object"].tolist() == [-1]
@@ -195,7 +200,7 @@ def test_records_are_bounded_and_joining_loses_nothing() -> None:
     lightmaps = replace(STAGE.lightmaps, texels=maps)
     found = []
     for most in (64, 16, 4, 2):
-        policy = Policy(influence_records=most)
+        policy = replace(BASE, influence_records=most)
         table = table_of(scene)
         records = volumes(table, scene.at(0), scene.at(1), policy)
         assert len(records) == min(most, 24)
@@ -208,7 +213,7 @@ def test_records_are_bounded_and_joining_loses_nothing() -> None:
 
 
 def test_maps_out_of_reach_are_not_looked_at_texel_by_texel() -> None:
-    policy = replace(Policy(), influence_slack=0, shadows=False)
+    policy = replace(BASE, influence_slack=0, shadows=False)
     records, found, _ = levels(STAGE, 4, policy)
     reached = touched(records, loose_bounds(TABLE, STAGE.scene.at(4), policy))[0]
     assert 0 < reached.sum() < len(reached)
@@ -221,7 +226,7 @@ def test_maps_out_of_reach_are_not_looked_at_texel_by_texel() -> None:
 
 
 def test_footprints_lie_where_rays_from_the_faces_meet_surfaces() -> None:
-    policy = replace(Policy(), influence="footprints", shadows=False)
+    policy = replace(BASE, influence="footprints", shadows=False)
     pair = STAGE.scene.at(19), STAGE.scene.at(20)
     trace = Structure(pair[1]).trace
     assert len(volumes(TABLE, *pair, policy)) == 0
@@ -244,12 +249,12 @@ def test_footprints_lie_where_rays_from_the_faces_meet_surfaces() -> None:
     assert footprints(TABLE, pair[1], pair[1], policy, trace, 100)[1] == 0
 
 
-def lamp() -> object:
+def lamp() -> Part:
     return plate("lamp", 0.8, emission=5.0, height=10.0, up=False)
 
 
-def room(*parts: object) -> Scene:
+def room(*parts: Part) -> Scene:
     camera = Camera(
         position=vector((0, 5, 20)), target=vector((0, 0, 0)), up=vector((0, 1, 0)), fov_y_tan=np.float32(0.5)
     )
-    return assemble(name="room", parts=parts, where="room", camera=camera, texel_size=0.5)  # type: ignore[arg-type]
+    return assemble(name="room", parts=parts, where="room", camera=camera, texel_size=0.5)

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import fields, replace
+from typing import Any
 
 import pytest
 
@@ -15,9 +16,10 @@ def test_numbers_out_of_range_are_refused_by_name(name: str) -> None:
     step = 1 if isinstance(low, int) else 0.125
     default = getattr(Policy(), name)
     for wrong in (low - step, high + step, float("nan"), True, "1"):
-        value = (*default[:-1], wrong) if isinstance(default, tuple) else wrong
+        value: Any = (*default[:-1], wrong) if isinstance(default, tuple) else wrong
+        changed: dict[str, Any] = {name: value}
         with pytest.raises(InputError, match=rf"^policy {name} .*: must be .*{re.escape(str(low))} to {high}$"):
-            replace(Policy(), **{name: value})
+            replace(Policy(), **changed)
 
 
 def test_every_number_has_a_range() -> None:
@@ -35,9 +37,9 @@ def test_every_number_has_a_range() -> None:
         ({"visibility_rays": 2.5}, "whole"),
     ],
 )
-def test_what_does_not_go_together_is_refused(wrong: dict[str, object], message: str) -> None:
+def test_what_does_not_go_together_is_refused(wrong: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
-        Policy(**wrong)  # type: ignore[arg-type]
+        Policy(**wrong)
 
 
 def test_each_named_policy_has_all_of_the_one_before() -> None:

@@ -21,7 +21,7 @@ def test_quotas_spend_all_and_higher_classes_are_sampled_more(members: list[int]
     # Rates never fall with the class, but for what rounding down moves: less than one update a class.
     there = [c for c in range(16) if members[c]]
     for low, high in pairwise(there):
-        assert Fraction(out[high] + 1, members[high]) >= min(Fraction(out[low] - 16, members[low]), 1)
+        assert Fraction(out[high] + 1, members[high]) >= min(Fraction(out[low] - 16, members[low]), Fraction(1))
 
 
 def test_a_class_is_sampled_twice_as_often_as_the_one_below() -> None:

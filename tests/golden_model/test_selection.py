@@ -280,7 +280,7 @@ def test_influenced_texels_get_heavy_weights_or_drop_their_values() -> None:
     stage = visited()
     plans = {}
     for invalidate in (False, True):
-        policy = replace(STILL, invalidate=invalidate)
+        policy = replace(STILL, heavy_level=3, heavy_updates=6, invalidate=invalidate)
         selector = Selector(stage.lightmaps, stage.scene, policy)
         state = stage.state(200)
         plan = selector.plan(stage.context(20, 64, state), 100)

@@ -1,6 +1,7 @@
 """The variability map: what is high, how far it reaches, where it stops."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,7 +41,8 @@ def test_statistics_are_binned_by_thresholds_and_can_be_switched(name: str, swit
     binary = replace(NARROW, variability_bits=1)
     assert variability(binary).look(state, flat(), VALID)[:6].tolist() == [0, 0, 0, HIGH, HIGH, HIGH]
     assert not variability(replace(NARROW, variability_bits=0)).look(state, flat(), VALID).any()
-    assert not variability(replace(NARROW, **{switch: False})).look(state, flat(), VALID).any()
+    off: dict[str, Any] = {switch: False}
+    assert not variability(replace(NARROW, **off)).look(state, flat(), VALID).any()
 
 
 def test_contrast_within_the_map_counts_for_both_sides_of_an_edge_and_no_further() -> None:
