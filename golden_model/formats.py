@@ -148,12 +148,12 @@ BLENDED = np.dtype(
 )
 
 # --- influence ----------------------------------------------------------------------------------------------------
-# Where something that changed can matter to light ([0079] to [0083]). `kind` is 0 for a volume, 1 for a shadow, 2 for a
-# footprint; `object` what changed (-1: a point light), `level` the highest change level it causes, `surface` the object
-# whose map alone it concerns (-1: all), `facing` says that only texels turned towards the box count. A volume is the box
-# from `low` to `high` with its reach beyond each side. A shadow is the box that may lie between a texel and the light
-# around `light`, of half the size `light_half`, by which the box is larger already. A footprint is the ball around `low`
-# of radius `reach_low`.
+# Where something that changed can matter to light ([0079] to [0083]). `kind` is 0 for a volume, 1 for a shadow, 2 for
+# a footprint; `object` what changed (-1: a point light), `level` the highest change level it causes, `surface` the
+# object whose map alone it concerns (-1: all), `facing` says that only texels turned towards the box count. A volume
+# is the box from `low` to `high` with its reach beyond each side. A shadow is the box that may lie between a texel and
+# the light around `light`, of half the size `light_half`, by which the box is larger already. A footprint is the ball
+# around `low` of radius `reach_low`.
 INFLUENCE = np.dtype(
     [
         ("kind", bits(2)),

@@ -125,8 +125,8 @@ class Policy:
     heavy_updates: int = 6
     """The number of updates that do, 0 to 7."""
     drop_level: int = 3
-    """Texels that influence reaches at such levels drop their values at once, 1 to 4 (none): until they are sampled they
-    show what the texels around them have found since (claim 14)."""
+    """Texels that influence reaches at such levels drop their values at once, 1 to 4 (none): until they are sampled
+    they show what the texels around them have found since (claim 14)."""
     drift: bool = True
     """Samples of a map whose light as a whole is on its way to somewhere else weigh more, until it is there."""
     drift_least: int = 3

@@ -54,7 +54,7 @@ def screen_test(
     height = dot(normal, towards)
     place = to_view(view, position)
     depth = place[:, 2]
-    facing = height > flush(-np.float32(policy.facing_slack) * depth)
+    facing = height > flush(depth * -np.float32(policy.facing_slack))
     chosen = np.flatnonzero((depth > view.near) & facing)
 
     # On the screen, or off it by less than a texel: pixels at the border may read the texel all the same.
@@ -62,7 +62,7 @@ def screen_test(
     inverse = flush(np.float32(1) / depth)
     x = flush(flush(flush(place[chosen, 0] * view.focal) * inverse) + np.float32(view.width / 2))
     y = flush(np.float32(view.height / 2) - flush(flush(place[chosen, 1] * view.focal) * inverse))
-    pixels = flush(flush(size * view.focal) * inverse)
+    pixels = flush(inverse * flush(np.asarray(size * view.focal)))
     outside = np.maximum(
         np.maximum(np.maximum(-x, flush(x - np.float32(view.width))), -y), flush(y - np.float32(view.height))
     )
@@ -75,7 +75,7 @@ def screen_test(
     steep = flush(flush(flush(sideways[0] + sideways[1]) * depth) / np.maximum(flush(view.focal * height), SHORTEST))
     reach = flush(np.float32(policy.depth_slopes) * flush(np.float32(1) + outside))
     slope = np.minimum(flush(steep * reach), np.float32(policy.depth_limit))
-    fixed = flush(size * np.float32(policy.depth_texels))
+    fixed = flush(np.asarray(size * np.float32(policy.depth_texels)))
     tolerance = flush(flush(flush(slope + np.float32(policy.depth_relative)) * depth) + fixed)
     doubt = flush(tolerance * np.float32(policy.depth_doubt))
 

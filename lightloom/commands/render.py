@@ -1,7 +1,7 @@
 """`lightloom render`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -116,7 +116,7 @@ def render(
     choose(backend, BACKENDS, "backend")
     choose(policy, POLICIES, "policy")
     choose(surfaces, MODES, "mode of --surfaces")
-    way = choose(direct, ("maps", "rays"), "value of --direct")
+    way: Any = choose(direct, ("maps", "rays"), "value of --direct")
     views = tuple(choose(name, [quantity.name for quantity in QUANTITIES], "view") for name in view or ())
     at_least(supersample, 1, "--supersample")
     if not 1 <= versions <= LONGEST:

