@@ -43,29 +43,6 @@ def coarse_to_fine(lightmaps: Lightmaps) -> np.ndarray:
     return texel[np.lexsort((texel, key))]
 
 
-class RoundRobin:
-    """Takes the texels of `order` in turn, for ever; no texel twice in one call."""
-
-    def __init__(self, order: np.ndarray):
-        """`order` (V,): texel numbers."""
-        self.order = order
-        self.next = 0
-        """Place in `order` of the texel whose turn it is."""
-
-    def select(self, budget: int, cost: int) -> np.ndarray:
-        """The texels of a frame, (M,) int64: at most budget // cost of them, and at most each one once.
-
-        `budget` is in rays, `cost` >= 1 the rays that one update traces. With V texels every texel is selected at
-        least once in ceil(V / (budget // cost)) calls.
-        """
-        count = min(budget // cost, len(self.order))
-        if count == 0:
-            return self.order[:0]
-        chosen = self.order[(self.next + np.arange(count)) % len(self.order)]
-        self.next = (self.next + count) % len(self.order)
-        return chosen
-
-
 @dataclass(frozen=True, kw_only=True)
 class FrameContext:
     """What a frame's selection looks at."""
