@@ -24,6 +24,7 @@ from golden_model.errors import InputError
 from golden_model.floats import flush, quiet
 from golden_model.formats import HIT
 from golden_model.records import join, put, take
+from golden_model.scene import Scene
 
 FRAGMENT_SHADING, FRAME_SHADER, MAINTENANCE = "fragment shading", "frame shader", "lightmap maintenance"
 EMITTERS = (FRAGMENT_SHADING, FRAME_SHADER, MAINTENANCE)
@@ -198,6 +199,12 @@ class Collector:
         self.figures.forced += early - full
         for number, name in enumerate(self.figures.kinds):
             self.figures.kinds[name] += int(np.count_nonzero(kind == number))
+
+
+def collector_of(scene: Scene, trace: KindTrace, packing: Packing | None = None) -> Collector:
+    """A collector whose cells divide the box around what is there in a frame's scene."""
+    corners = scene.corners[scene.present[scene.object_id]]
+    return Collector(trace, corners.min(axis=(0, 1)), corners.max(axis=(0, 1)), packing)
 
 
 @quiet

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from golden_model.accumulation import fraction_bits, light_of
-from golden_model.collector import Collector
+from golden_model.collector import collector_of
 from golden_model.errors import InputError
 from golden_model.formats import TEXEL_STATE
 from golden_model.gather import Sampling, World, gather
@@ -136,8 +136,7 @@ class Reference:
 
     def _round(self, world: World, texel: np.ndarray, number: int, sampling: Sampling) -> np.ndarray:
         """A sample of the irradiance of each texel (M,), (M, 3) float32."""
-        corners = world.scene.corners[world.scene.present[world.scene.object_id]]
-        collector = Collector(self.structure.trace, corners.min(axis=(0, 1)), corners.max(axis=(0, 1)))
+        collector = collector_of(world.scene, self.structure.trace)
         parts = [np.zeros((0, 3), dtype=np.float32)]
         for begin in range(0, len(texel), BATCH):
             part = texel[begin : begin + BATCH]

@@ -19,7 +19,7 @@ from golden_model.budget import BudgetController, BudgetPolicy, measure
 from golden_model.camera import View, look_at
 from golden_model.charts import unwrap
 from golden_model.coarse import coarse_links, fine_triangles
-from golden_model.collector import MAINTENANCE, Collector, Packing
+from golden_model.collector import MAINTENANCE, Collector, Packing, collector_of
 from golden_model.errors import InputError
 from golden_model.flip_chain import FlipChain
 from golden_model.forest import ForestOptions
@@ -227,9 +227,7 @@ class Renderer:
         )
 
     def _collector(self, scene: Scene) -> Collector:
-        corners = scene.corners[scene.present[scene.object_id]]
-        low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-        return Collector(self.structure.trace, low, high, self.pipeline.packing)
+        return collector_of(scene, self.structure.trace, self.pipeline.packing)
 
     def frame(self) -> FrameResult:
         """Renders the next frame of the sequence."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from golden_model.blend import drop
 from golden_model.camera import View
 from golden_model.footprints import footprints
 from golden_model.influence import volumes
@@ -107,7 +108,7 @@ class Plan:
 
     def forget_old(self, state: np.ndarray, texel: np.ndarray) -> None:
         """Drops the values of those of `texel` (M,), about to be updated, whose light has changed, in place."""
-        state["count"][texel[self.forget[texel]]] = 0
+        drop(state, texel[self.forget[texel]])
 
 
 class Selector:
