@@ -6,6 +6,7 @@ VENV    := .venv
 BIN     := $(VENV)/bin
 READY   := $(VENV)/.ready
 BUNNY   := build/meshes/bunny.obj
+DRAGON  := build/meshes/dragon.ply
 WORKERS ?= 2
 
 .DEFAULT_GOAL := help
@@ -24,10 +25,13 @@ $(READY): requirements.lock pyproject.toml
 simulators:
 	@.ci/setup simulators
 
-meshes: $(BUNNY)
+meshes: $(BUNNY) $(DRAGON)
 
 $(BUNNY):
 	@.ci/setup bunny $@
+
+$(DRAGON): | $(READY)
+	@.ci/setup dragon $@
 
 demo: setup ## render the Cornell box, replay its triangle tests through the Verilog, write build/demo/
 	$(BIN)/lightloom demo --out build/demo

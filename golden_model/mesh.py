@@ -41,9 +41,12 @@ def shading_normals(corners: np.ndarray) -> np.ndarray:
     weight = 1.0 / (dot(following, following) * dot(preceding, preceding))
     weighted = (area[:, None, :] * weight[..., None]).reshape(-1, 3)
 
-    _, point = np.unique(corners.reshape(-1, 3) + np.float32(0), axis=0, return_inverse=True)
-    point = point.reshape(-1)
-    order = np.argsort(point, kind="stable")
+    # Equal points get one number; lexsort is stable, so the corners at a point keep their order.
+    points = corners.reshape(-1, 3)
+    order = np.lexsort(points.T)
+    changes = (points[order][1:] != points[order][:-1]).any(axis=1)
+    point = np.zeros(len(order), dtype=np.intp)
+    point[order[1:]] = np.cumsum(changes)
     count = np.bincount(point)
     start = np.cumsum(count) - count
     face = np.arange(len(point)) // 3
