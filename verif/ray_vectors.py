@@ -10,6 +10,8 @@ import numpy as np
 from golden_model import bitpack
 from golden_model.floats import quiet
 from golden_model.formats import RAY, RAY_TRIANGLE, TRIANGLE
+from golden_model.ray_families import mixed
+from golden_model.ray_families import rays_from as rays
 from golden_model.ray_setup import ray_setup
 from golden_model.ray_triangle import ray_triangle, triangle_tests
 
@@ -37,13 +39,6 @@ def raw(dtype: np.dtype, count: int, rng: Generator) -> np.ndarray:
     return bitpack.unpack(words, dtype)
 
 
-def rays(origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """(N, 3) each to RAY (N,) with the range 0 < t <= infinity."""
-    out = np.zeros(len(origin), dtype=RAY)
-    out["origin"], out["direction"], out["t_max"] = origin, direction, np.inf
-    return out
-
-
 def triangles(vertices: np.ndarray) -> np.ndarray:
     """(N, 3 vertices, 3) to TRIANGLE (N,)."""
     out = np.zeros(len(vertices), dtype=TRIANGLE)
@@ -61,12 +56,6 @@ def tests(origin: np.ndarray, direction: np.ndarray, vertices: np.ndarray, rng: 
 def weights(count: int, rng: Generator) -> np.ndarray:
     """(N, 3) barycentric weights, uniform over the triangle."""
     return rng.dirichlet([1.0, 1.0, 1.0], count).astype(np.float32)
-
-
-def mixed(vertices: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """(N, 3, 3) and (N, 3) to the points (N, 3), in float64."""
-    wide = vertices.astype(np.float64)
-    return sum((wide[:, k] * weight[:, k, None] for k in range(3)), np.zeros((len(vertices), 3)))
 
 
 # --- families of ray-triangle tests ---------------------------------------------------------------------------------

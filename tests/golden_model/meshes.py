@@ -1,4 +1,4 @@
-"""Meshes for the tests of tracing: the bunny, and closed or gridded ones whose inner points no ray may pass."""
+"""Meshes for the tests of tracing: bunny, dragon, and closed or gridded ones whose inner points no ray may pass."""
 
 import os
 from pathlib import Path
@@ -10,16 +10,26 @@ import trimesh
 from verif import ray_vectors
 
 BUNNY = Path(__file__).parents[2] / "build/meshes/bunny.obj"
+DRAGON = BUNNY.with_name("dragon.ply")
 
 
 def bunny() -> np.ndarray:
     """TRIANGLE (69666,): the Stanford bunny. Skips the test where the mesh is missing, but not in CI."""
-    if not BUNNY.exists():
-        reason = f"{BUNNY.relative_to(BUNNY.parents[2])} is missing: make meshes"
+    return _scan(BUNNY)
+
+
+def dragon() -> np.ndarray:
+    """TRIANGLE (871414,): the Stanford dragon. Skips the test where the mesh is missing, but not in CI."""
+    return _scan(DRAGON)
+
+
+def _scan(path: Path) -> np.ndarray:
+    if not path.exists():
+        reason = f"{path.relative_to(path.parents[2])} is missing: make meshes"
         if os.environ.get("CI"):
             pytest.fail(reason)
         pytest.skip(reason)
-    return ray_vectors.triangles(np.asarray(trimesh.load_mesh(BUNNY, process=False).triangles))
+    return ray_vectors.triangles(np.asarray(trimesh.load_mesh(path, process=False).triangles))
 
 
 def quads(points: np.ndarray) -> np.ndarray:

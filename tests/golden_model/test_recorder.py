@@ -6,12 +6,13 @@ import pytest
 from golden_model import traversal
 from golden_model.bitpack import equal
 from golden_model.bvh import build
+from golden_model.ray_families import aimed
 from golden_model.ray_setup import ray_setup
 from golden_model.ray_triangle import ray_triangle
 from golden_model.recorder import TestRecorder
 from golden_model.traversal import trace
 from tests.golden_model.test_traversal import BACKENDS
-from tests.golden_model.tracing_cases import aimed, random_soup
+from tests.golden_model.tracing_cases import random_soup
 
 SEED = 50
 

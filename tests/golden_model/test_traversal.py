@@ -14,10 +14,11 @@ from golden_model.brute_force import trace_brute_force
 from golden_model.bvh import Bvh, build
 from golden_model.errors import InputError
 from golden_model.formats import HIT, RAY
+from golden_model.ray_families import aimed
 from golden_model.recorder import TestRecorder
 from golden_model.traversal import backend_of, trace
 from tests.golden_model import meshes
-from tests.golden_model.tracing_cases import FAMILIES, aimed, random_soup
+from tests.golden_model.tracing_cases import FAMILIES, random_soup
 from verif import ray_vectors
 
 BACKENDS = [

@@ -6,12 +6,12 @@ import pytest
 from golden_model.bitpack import equal
 from golden_model.brute_force import trace_brute_force
 from golden_model.bvh import build
+from golden_model.ray_families import points_on
 from golden_model.ray_triangle import ray_triangle
 from golden_model.recorder import TestRecorder
 from golden_model.traversal import trace
 from sim.bulk import BulkUnit
 from tests.golden_model import meshes
-from tests.golden_model.tracing_cases import points_on
 from verif import ray_vectors
 
 SEED = 60

@@ -6,32 +6,13 @@ import numpy as np
 
 from golden_model.floats import quiet
 from golden_model.formats import TRIANGLE
+from golden_model.ray_families import aimed, points_on
 from verif import ray_vectors
 
 Generator = np.random.Generator
 Case = tuple[np.ndarray, np.ndarray]
 
 RAYS = 300
-
-
-def points_on(triangles: np.ndarray, count: int, rng: Generator) -> np.ndarray:
-    """(N, 3) float32 points at vertices, on edges and on faces of random triangles, a third each."""
-    corners = np.stack([triangles["v0"], triangles["v1"], triangles["v2"]], axis=1)
-    weight = rng.dirichlet([1.0, 1.0, 1.0], count)
-    kind = rng.integers(0, 3, count)
-    weight[kind == 1, 0] = 0
-    weight[kind == 0] = np.eye(3)[rng.integers(0, 3, (kind == 0).sum())]
-    weight = rng.permuted(weight, axis=1)
-    weight /= weight.sum(axis=1, keepdims=True)
-    return ray_vectors.mixed(corners[rng.integers(0, len(corners), count)], weight).astype(np.float32)
-
-
-def aimed(triangles: np.ndarray, origin: np.ndarray, rng: Generator) -> np.ndarray:
-    """RAY (N,) from origins (N, 3) towards points on the triangles; half of the directions are of unit length."""
-    direction = points_on(triangles, len(origin), rng) - origin.astype(np.float32)
-    length = np.sqrt((direction.astype(np.float64) ** 2).sum(axis=1, keepdims=True))
-    unit = rng.integers(0, 2, (len(origin), 1)).astype(bool) & (length > 0)
-    return ray_vectors.rays(origin, np.where(unit, direction / np.where(length > 0, length, 1), direction))
 
 
 def random_soup(rng: Generator, count: int) -> np.ndarray:

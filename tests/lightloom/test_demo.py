@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from golden_model import bitpack
+from golden_model.ray_families import diffuse_rays
 from golden_model.ray_setup import ray_setup
 from golden_model.ray_triangle import ray_triangle, triangle_tests
 from golden_model.scene import load_scene
 from lightloom import replay as replay_module
-from lightloom.bench_tracing import surface_rays
 from lightloom.replay import replay
 from lightloom.sequence import looped, shown_lightmaps
 from sim.bulk import BulkUnit
@@ -42,7 +42,7 @@ class Broken:
 def some_tests(count: int) -> np.ndarray:
     triangles = load_scene("cornell-box").triangles
     index = np.random.default_rng(3).integers(0, len(triangles), count)
-    return triangle_tests(ray_setup(surface_rays(triangles, count)), triangles[index])
+    return triangle_tests(ray_setup(diffuse_rays(triangles, count, seed=3)), triangles[index])
 
 
 class Page(html.parser.HTMLParser):

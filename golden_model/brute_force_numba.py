@@ -1,0 +1,48 @@
+"""The compiled twin of `brute_force`, for scenes too large for it: every ray against every triangle. Needs numba.
+
+The triangle test is the compiled one of `traversal_numba`; NumPy's `trace_brute_force` remains the definition.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from golden_model.formats import HIT
+from golden_model.ray_setup import ray_setup
+from golden_model.traversal_numba import compiled, intersect_triangle
+
+BLOCK = 4096
+"""Triangles at a time: they stay in the processor's cache while all rays meet them."""
+
+
+@compiled
+def trace_block(prepared: Any, vertices: Any, base: int, hits: Any, best: Any, any_hit: bool) -> None:
+    """PREPARED_RAY (N,) against triangles (T, 9), numbered from `base`: betters HIT (N,) and its t `best` (N,)."""
+    for number in range(len(prepared)):
+        ray, hit = prepared[number], hits[number]
+        if any_hit and hit.primitive >= 0:
+            continue
+        for index in range(len(vertices)):
+            found, t, u, v, front = intersect_triangle(ray, vertices[index], ray.t_max)
+            if found and any_hit:
+                hit.primitive = 0
+                break
+            # The first of equal ones stays: it has the lowest index.
+            if found and (hit.primitive < 0 or t < best[number]):
+                best[number] = t
+                hit.primitive, hit.t, hit.u, hit.v, hit.front = base + index, t, u, v, front
+
+
+def trace_brute_force(triangles: np.ndarray, rays: np.ndarray, *, any_hit: bool = False) -> np.ndarray:
+    """As `brute_force.trace_brute_force`, in all bits: TRIANGLE (T,) and RAY (N,) to HIT (N,), all N*T tests.
+
+    With `any_hit` a ray is done at its first hit.
+    """
+    hits = np.zeros(len(rays), dtype=HIT)
+    hits["primitive"] = -1
+    best = np.zeros(len(rays), dtype=np.float32)
+    prepared = ray_setup(rays)
+    vertices = np.ascontiguousarray(triangles).view(np.float32).reshape(-1, 9)
+    for base in range(0, len(vertices), BLOCK):
+        trace_block(prepared, vertices[base : base + BLOCK], base, hits, best, any_hit)
+    return hits
