@@ -29,6 +29,7 @@ F2 = np.dtype("<f2")
 I4 = np.dtype("<i4")
 I2 = np.dtype("<i2")
 U2 = np.dtype("<u2")
+U4 = np.dtype("<u4")
 BOOL = np.dtype(np.bool_)
 
 # --- operands and results of the number units ---------------------------------------------------------------------
@@ -70,6 +71,146 @@ TRIANGLE_HIT = np.dtype([("t", F4), ("u", F4), ("v", F4), ("hit", BOOL), ("front
 
 # The outcome of tracing one ray: the index of the nearest triangle, -1 for a miss (then t, u, v are +0).
 HIT = np.dtype([("primitive", I4), ("t", F4), ("u", F4), ("v", F4), ("front", BOOL)])
+
+# --- the tree in memory -------------------------------------------------------------------------------------------
+# The tree is an array of blocks of 64 bytes (docs/memory_image.md). Coordinates of boxes are integers on a lattice of
+# LATTICE_BITS bits an axis that covers the scene: lattice_origin + integer * 2**lattice_exponent.
+BLOCK_BYTES = 64
+LATTICE_BITS = 20
+WIDTH = 8
+"""Child slots of a node block. A narrower tree leaves the upper slots empty."""
+NODE_EXPONENT_MAX = 13
+"""2**13 times 255 reaches across the lattice; a greater exponent counts as this one."""
+NODE_KIND, TRIANGLES_KIND = 1, 2
+
+_BOXES = [(f"{side}_{axis}", np.dtype(np.uint8), (WIDTH,)) for side in ("lower", "upper") for axis in "xyz"]
+
+# An inner node. Its children are the blocks base, base + 1, ... of slots 0 to count - 1; bit k of `leaf` says that slot
+# k is a block of triangles. The box of slot k reaches from origin + lower[k] * 2**exponent to origin + upper[k] *
+# 2**exponent, on each axis, in lattice units.
+NODE_BLOCK = np.dtype(
+    [
+        ("kind", bits(4)),
+        ("count", bits(4)),
+        ("leaf", bits(8)),
+        ("exponent", bits(4), (3,)),
+        ("reserved", bits(4)),
+        ("base", U4),
+        ("origin", bits(20), (3,)),
+        ("reserved_high", bits(4)),
+        *_BOXES,
+    ]
+)
+
+# A leaf: one triangle of vertices 0, 1, 2, or two; the second one's vertices are `order`, which may name vertex 3. A
+# ray sees a triangle where mask and the ray's mask have a common bit.
+TRIANGLE_BLOCK = np.dtype(
+    [
+        ("kind", bits(4)),
+        ("count", bits(2)),
+        ("order", bits(2), (3,)),
+        ("reserved", bits(4)),
+        ("mask", bits(8), (2,)),
+        ("primitive", I4, (2,)),
+        ("vertices", F4, (12,)),
+        ("reserved_high", U4),
+    ]
+)
+
+# Block 0 of a tree. `width` is the greatest count of a node, `levels` the number of nodes on the longest path from the
+# root; `check` makes the exclusive or of all sixteen words zero.
+BVH_MAGIC = 0x5642_4C4C  # "LLBV"
+BVH_VERSION = 1
+BVH_HEADER = np.dtype(
+    [
+        ("magic", U4),
+        ("version", U2),
+        ("width", np.dtype(np.uint8)),
+        ("levels", np.dtype(np.uint8)),
+        ("blocks", U4),
+        ("root", U4),
+        ("nodes", U4),
+        ("triangle_blocks", U4),
+        ("triangles", U4),
+        ("lattice_exponent", I2),
+        ("reserved", U2),
+        ("lattice_origin", F4, (3,)),
+        ("reserved_high", U4, (4,)),
+        ("check", U4),
+    ]
+)
+
+# --- tracing rays through the tree in memory ----------------------------------------------------------------------
+# A ray and how it is to be traced. `any_hit`: only whether there is a hit; `cull`: back faces miss.
+RAY_QUERY = np.dtype(
+    [*((name, RAY[name]) for name in RAY.names or ()), ("any_hit", BOOL), ("cull", BOOL), ("mask", bits(8))]
+)
+
+# What comes back: HIT, and what went wrong. `invalid`: the ray cannot hit anything (a zero or NaN direction and the
+# like). `error` is one of TRACE_ERRORS; then the ray has failed (a miss), and `block` is the address that caused it.
+RAY_RESULT = np.dtype(
+    [*((name, HIT[name]) for name in HIT.names or ()), ("invalid", BOOL), ("error", bits(3)), ("block", U4)]
+)
+TRACE_ERRORS = {
+    "none": 0,
+    "memory": 1,  # the memory answered with an error
+    "outside": 2,  # a block beyond the image
+    "kind": 3,  # a node where triangles should be, or the other way round, or neither
+    "order": 4,  # children that do not lie behind their node: the tree has a cycle
+    "header": 5,  # no usable tree is loaded
+}
+
+# Distances along a ray in the box test are counted along its dominant axis, in the ray's units (`box_setup`), with
+# TIME_BIAS added: the order of the integers is that of the distances.
+TIME_BITS = 25
+TIME_BIAS = 1 << (TIME_BITS - 1)
+TIME = bits(TIME_BITS)
+
+# What the box test needs of a ray, computed once by `box_setup`, which explains it.
+POSITION_BITS = 23
+POSITION_BIAS = 1 << (POSITION_BITS - 1)
+SLOPE_BITS = 18
+SCALE_BIAS = 256
+_BOX_RAY = [
+    ("position", bits(POSITION_BITS), (3,)),
+    ("backwards", BOOL, (3,)),
+    ("slope", bits(SLOPE_BITS), (3,)),
+    ("steepness", bits(5), (3,)),
+    ("pad", bits(20)),
+    ("coarseness", bits(5)),
+    ("blind", BOOL),
+    ("t_min", TIME),
+]
+BOX_SETUP = np.dtype(
+    [
+        ("origin", F4, (3,)),
+        ("direction", F4, (3,)),
+        ("inverse", F4, (3,)),
+        ("axis", bits(2)),
+        ("t_min", F4),
+        ("lattice_origin", F4, (3,)),
+        ("lattice_exponent", I2),
+    ]
+)
+BOX_RAY = np.dtype([*_BOX_RAY, ("rate", F4), ("scale", bits(9))])
+
+# A float32 t to the box test's distance, rounded both ways.
+RAY_TIME = np.dtype([("t", F4), ("rate", F4), ("scale", bits(9))])
+RAY_TIMES = np.dtype([("low", TIME), ("high", TIME)])
+
+# A ray against the boxes of a node's children, and the children that it enters, nearest first (equal: the lower slot);
+# slots and entries beyond `count` are zero.
+NODE_TEST = np.dtype(
+    [
+        *_BOX_RAY,
+        ("t_max", TIME),
+        ("count", bits(4)),
+        ("exponent", bits(4), (3,)),
+        ("origin", bits(20), (3,)),
+        *_BOXES,
+    ]
+)
+NODE_HITS = np.dtype([("count", bits(4)), ("slot", bits(3), (WIDTH,)), ("entry", TIME, (WIDTH,))])
 
 # --- scenes -------------------------------------------------------------------------------------------------------
 # A lamp without size: radiant intensity RGB (W/sr), so that the irradiance at distance r is intensity * cosine / r**2.

@@ -1,0 +1,89 @@
+"""What the box test needs of a ray, computed once a ray (docs/node_test.md derives the numbers).
+
+All boxes lie on the scene's lattice (`formats.NODE_BLOCK`), so the box test works in integers. The ray's unit is a
+quarter of a lattice unit times 2**coarseness, where the coarseness is 0 for a ray that starts inside or near the scene
+and grows with the distance of its origin, so that the origin has a fixed number of bits.
+
+Distances are counted along the ray's dominant axis, in the same unit. On another axis, `slope` and `steepness` say how
+many units of the dominant axis the ray needs for a unit of that axis: slope / 2**17 * 2**steepness, at least 1.
+"""
+
+import numpy as np
+
+from golden_model.floats import float_add, float_multiply, quiet
+from golden_model.formats import (
+    BOX_RAY,
+    LATTICE_BITS,
+    POSITION_BIAS,
+    POSITION_BITS,
+    RAY_TIME,
+    SCALE_BIAS,
+    SLOPE_BITS,
+)
+from golden_model.ray_time import floor_scaled, ray_time
+
+FRACTION = 2
+"""Bits of the ray's unit below a lattice unit, at coarseness 0."""
+PAD = 21
+"""Pad for rounding, in the ray's units: 2**-19 of the greatest reach is 16; 2 for the rounding of the position, 2 for
+that of the slopes, 1 for that of the node's corner."""
+UNDERFLOW = -26
+"""The pad for underflow is 2**UNDERFLOW * (1 + longest component of the direction), in the scene's unit."""
+BLIND_SHIFT = 20
+"""A pad for underflow of 2**20 units or more exceeds its field: the ray then enters every box."""
+STEEPEST = 27
+"""From this steepness on every distance that is not zero saturates."""
+ONE = 1 << (SLOPE_BITS - 1)
+"""A slope of 1."""
+COARSEST = 31
+"""From this coarseness on (in fact from 24 on) the whole lattice lies within one unit of the ray."""
+
+
+@quiet
+def box_setup(rays: np.ndarray) -> np.ndarray:
+    """BOX_SETUP (N,), of which origin, inverse, axis and t_min come from `ray_setup`, to BOX_RAY (N,).
+
+    For an invalid ray (`ray_setup`; or an origin that is not finite) the result means nothing.
+    """
+    out = np.zeros(len(rays), dtype=BOX_RAY)
+    row, axis = np.arange(len(rays)), rays["axis"].astype(np.intp) % 3
+    lattice = rays["lattice_exponent"].astype(np.int64)
+
+    moved = float_add(rays["origin"], rays["lattice_origin"], subtract=True)
+    greatest = _exponent(moved).max(axis=1)
+    coarseness = np.maximum(greatest - (126 + LATTICE_BITS) - lattice, 0)
+    scale = FRACTION - coarseness - lattice
+    for k in range(3):
+        out["position"][:, k] = POSITION_BIAS + floor_scaled(
+            np.ascontiguousarray(moved[:, k]), scale, POSITION_BITS - 1
+        )
+    out["coarseness"] = np.minimum(coarseness, COARSEST)
+    out["scale"] = np.clip(scale + SCALE_BIAS, 0, 2 * SCALE_BIAS - 1)
+
+    rate = np.abs(float_multiply(rays["direction"][row, axis], np.ones(1, np.float32)))
+    out["rate"] = rate
+    # 1 + longest is at most 2**(1 + max(0, exponent + 1)).
+    shift = UNDERFLOW + 1 + np.maximum(_exponent(rate) - 126, 0) + scale
+    out["blind"] = shift >= BLIND_SHIFT
+    out["pad"] = np.where(shift >= BLIND_SHIFT, 0, PAD + (1 << np.clip(shift, 0, BLIND_SHIFT - 1)))
+
+    out["backwards"] = np.signbit(rays["direction"])
+    for k in range(3):
+        ratio = np.abs(float_multiply(rate, rays["inverse"][:, k]))
+        pattern = ratio.view(np.int32).astype(np.int64)
+        steepness = (pattern >> 23) - 127
+        # The dominant axis is 1 by definition; rounding may have made another ratio a little less.
+        level = (axis == k) | (steepness < 0)
+        slope = (pattern & 0x7FFFFF | 0x800000) >> (24 - SLOPE_BITS)
+        out["slope"][:, k] = np.where(level, ONE, slope)
+        out["steepness"][:, k] = np.where(level, 0, np.minimum(steepness, STEEPEST))
+
+    times = np.zeros(len(rays), dtype=RAY_TIME)
+    times["t"], times["rate"], times["scale"] = rays["t_min"], rate, out["scale"]
+    out["t_min"] = ray_time(times)["low"]
+    return out
+
+
+def _exponent(x: np.ndarray) -> np.ndarray:
+    """Biased exponents of float32, int64."""
+    return (np.ascontiguousarray(x).view(np.int32).astype(np.int64) >> 23) & 0xFF
