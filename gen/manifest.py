@@ -14,7 +14,7 @@ from amaranth.lib.wiring import In
 from gen.verilog import ports_of
 from golden_model import bitpack
 from golden_model.formats import bits
-from golden_model.units import UNITS
+from golden_model.units import SYSTEMS, UNITS
 from rtl.catalogue import CATALOGUE
 from rtl.config import Config
 
@@ -31,12 +31,32 @@ PORTS = {
     "o__valid": "a result is offered, and stays until it is taken",
     "o__ready": "a result offered at this rising edge is taken",
     "o__payload": "the result, and its operands' tag in the highest bits",
+    "load": "reads the header of the tree at `base`; rays wait meanwhile",
+    "base": "byte address of the tree, a multiple of 64",
+    "loaded": "a usable tree is loaded",
+    "load_error": "why the last header was refused, 0 if it was not",
+    "overlap": "greatest number of visits of one ray in flight, from 1 (strict order) up",
+    "count_clear": "sets all counters to zero",
 }
+"""What each port means; those of an AXI4 interface and of counters explain themselves (`_meaning`)."""
+
+AXI_CHANNELS = {"ar": "AXI4 read address channel", "r": "AXI4 read data channel"}
+
+
+def _meaning(port: str) -> str:
+    """The meaning of a port; KeyError for one that nobody has described."""
+    if port.startswith("m_axi_"):
+        name = port.removeprefix("m_axi_")
+        return AXI_CHANNELS["ar" if name.startswith("ar") else name[:1]]
+    if port.startswith("count_") and port not in PORTS:
+        return "counter: " + port.removeprefix("count_").replace("_", " ")
+    return PORTS[port]
 
 
 def manifest(unit: str, config: Config, preset: str | None = None, verilog: str = "") -> dict[str, Any]:
     """The manifest of one unit of the catalogue, ready for JSON; `verilog` is its text, `preset` the config's name."""
-    component, described = CATALOGUE[unit](config), UNITS[unit]
+    component = CATALOGUE[unit](config)
+    described = UNITS.get(unit) or SYSTEMS[unit]
     payloads = {
         "i__payload": fields(described.input, config.tag_width),
         "o__payload": fields(described.output, config.tag_width),
@@ -50,17 +70,18 @@ def manifest(unit: str, config: Config, preset: str | None = None, verilog: str 
         "summary": described.summary,
         "file": f"{unit}.v",
         "sha256": hashlib.sha256(verilog.encode()).hexdigest(),
-        "latency": component.latency,
-        "initiation_interval": component.initiation_interval,
+        # A system's depend on the scene and the memory.
+        "latency": component.latency if unit in UNITS else None,
+        "initiation_interval": component.initiation_interval if unit in UNITS else None,
         "ports": [
             {
                 "name": name,
-                "direction": shapes[name][0],
-                "width": shapes[name][1],
-                "meaning": meaning,
+                "direction": direction,
+                "width": width,
+                "meaning": _meaning(name),
                 **({"fields": payloads[name]} if name in payloads else {}),
             }
-            for name, meaning in PORTS.items()
+            for name, (direction, width) in shapes.items()
         ],
         "preset": preset,
         "config": asdict(config),

@@ -54,6 +54,9 @@ attrmap -remove unused_bits
 write_verilog -noparallelcase
 """
 
+AXI = "m_axi"
+"""The member of a component's signature that is its AXI4 interface."""
+
 
 def verilog_of(unit: str, config: Config) -> str:
     """The Verilog of one unit of the catalogue, as module `unit` (KeyError for an unknown one).
@@ -77,9 +80,12 @@ def convert(component: wiring.Component, name: str) -> str:
 
 
 def ports_of(component: wiring.Component) -> Iterator[tuple[str, wiring.Member, Value]]:
-    """Name, member and value of every port; names of paths are joined by __, as Amaranth does it."""
+    """Name, member and value of every port.
+
+    Names of paths are joined by __, as Amaranth does it, but those of an AXI interface by one, as everybody does it.
+    """
     for path, member, value in component.signature.flatten(component):
-        yield "__".join(map(str, path)), member, Value.cast(value)
+        yield ("_" if path[0] == AXI else "__").join(map(str, path)), member, Value.cast(value)
 
 
 def _share_cores(fragment: Fragment, top: str, cores: dict[str, tuple[Core, Fragment]]) -> None:

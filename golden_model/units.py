@@ -30,6 +30,18 @@ class Unit:
     """Operands (N,) of dtype `input` to results (N,) of dtype `output`."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class System:
+    """A unit between two streams whose results depend on a scene in memory and may come in another order."""
+
+    name: str
+    summary: str
+    input: np.dtype
+    """Payload of the input stream, without the tag."""
+    output: np.dtype
+    """Payload of the output stream, without the tag."""
+
+
 def _operator(name: str, summary: str, source: np.dtype, result: np.dtype, function: Callable[..., Any]) -> Unit:
     """A number unit: its fields, in order, are the function's arguments and results."""
 
@@ -82,5 +94,14 @@ UNITS: dict[str, Unit] = {
         input=formats.RAY_TRIANGLE,
         output=formats.TRIANGLE_HIT,
         model=ray_triangle,
+    ),
+}
+
+SYSTEMS: dict[str, System] = {
+    "traversal": System(
+        name="traversal",
+        summary="nearest or any hit of rays, through a tree in memory",
+        input=formats.RAY_QUERY,
+        output=formats.RAY_RESULT,
     ),
 }

@@ -5,19 +5,22 @@ from pathlib import Path
 from typing import Any
 
 from golden_model import bitpack
-from golden_model.units import UNITS
+from golden_model.units import SYSTEMS, UNITS
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
 
 
 def unit_row(unit: str, preset: str) -> dict[str, Any]:
-    """Name, what it computes, latency and initiation interval in clock cycles, bits of the payloads without the tag."""
-    component, description = CATALOGUE[unit](PRESETS[preset]), UNITS[unit]
+    """Name, what it computes, latency and initiation interval in clock cycles, bits of the payloads without the tag.
+
+    Latency and interval are None where they depend on the scene and the memory.
+    """
+    component, description = CATALOGUE[unit](PRESETS[preset]), UNITS.get(unit) or SYSTEMS[unit]
     return {
         "unit": unit,
         "summary": description.summary,
-        "latency": component.latency,
-        "initiation_interval": component.initiation_interval,
+        "latency": component.latency if unit in UNITS else None,
+        "initiation_interval": component.initiation_interval if unit in UNITS else None,
         "input_bits": bitpack.width(description.input),
         "output_bits": bitpack.width(description.output),
     }

@@ -23,6 +23,30 @@ class Config:
     """float_compare and float_minmax, 0 to 1."""
     convert_depth: int = 2
     """float_to_half, half_to_float, float_to_fixed and fixed_to_float, 0 to 2."""
+    contexts: int = 64
+    """Rays that a traversal unit has in flight, a power of two, 4 to 256."""
+    stack: int = 24
+    """Entries of a ray's stack, at least the levels of the trees that it will see, 4 to 64."""
+    overlap: int = 4
+    """Greatest number of visits of one ray in flight, 1 to 7; how many there are is chosen at run time."""
+    node_sets: int = 64
+    """Sets of the node cache, a power of two; a set is `node_ways` blocks of 64 bytes."""
+    node_ways: int = 6
+    """Ways of the node cache, 1 to 16."""
+    node_misses: int = 48
+    """Blocks that the node cache may be waiting for."""
+    triangle_sets: int = 16
+    """Sets of the triangle cache, a power of two."""
+    triangle_ways: int = 8
+    """Ways of the triangle cache, 1 to 16."""
+    triangle_misses: int = 32
+    """Blocks that the triangle cache may be waiting for."""
+    address_width: int = 40
+    """Bits of a byte address, 32 to 64."""
+    axi_width: int = 512
+    """Bits of the AXI4 data bus: 32, 64, 128, 256 or 512."""
+    units: int = 1
+    """Traversal units that share the memory port, 1 to 16."""
 
 
 PRESETS: dict[str, Config] = {
@@ -35,6 +59,16 @@ PRESETS: dict[str, Config] = {
         sqrt_depth=6,
         compare_depth=1,
         convert_depth=1,
+        contexts=16,
+        stack=16,
+        overlap=2,
+        node_sets=16,
+        node_ways=4,
+        node_misses=12,
+        triangle_sets=8,
+        triangle_ways=4,
+        triangle_misses=8,
+        axi_width=128,
     ),
     "base": Config(),
     "full": Config(
@@ -46,6 +80,14 @@ PRESETS: dict[str, Config] = {
         sqrt_depth=27,
         compare_depth=1,
         convert_depth=2,
+        contexts=128,
+        stack=32,
+        node_sets=128,
+        node_ways=8,
+        node_misses=96,
+        triangle_sets=32,
+        triangle_ways=8,
+        triangle_misses=64,
     ),
 }
 
