@@ -1,6 +1,7 @@
 """Seeded families of rays for a scene's triangles: what renderers trace, and what attacks traversal.
 
-A family is a function of TRIANGLE (T,), a count and a seed to RAY (count,); the same arguments give the same rays.
+A family is a function of TRIANGLE (T,), a count and a seed to RAY (count,); the same arguments give the same rays on
+every machine.
 `RAY_FAMILIES` names them. Directions of "diffuse" rays have unit length, so their t are lengths; "camera" rays have t
 along the view axis; "shadow" rays end at the lamp with t = 1. Shadow rays ask only whether anything is in the way
 (`any_hit`); nothing prevents the other question.
@@ -58,9 +59,29 @@ def mixed(corners: np.ndarray, weight: np.ndarray) -> np.ndarray:
     return sum((wide[:, k] * weight[:, k, None] for k in range(3)), np.zeros((len(corners), 3)))
 
 
+def weights(count: int, rng: Generator) -> np.ndarray:
+    """Barycentric weights (N, 3) float64, uniform over the triangle."""
+    # Not rng.dirichlet, which takes logarithms, and those differ between hosts.
+    u, v = rng.random((2, count))
+    outside = u + v > 1
+    u, v = np.where(outside, 1 - u, u), np.where(outside, 1 - v, v)
+    return np.stack([(1 - u) - v, u, v], axis=1)
+
+
+def magnitudes(low: int, high: int, shape: int | tuple[int, ...], rng: Generator) -> np.ndarray:
+    """Numbers from 2**low to 2**high, as many in each octave, float64."""
+    return np.ldexp(1 + rng.random(shape), rng.integers(low, high, shape))
+
+
+def directions(count: int, rng: Generator) -> np.ndarray:
+    """Unit vectors (N, 3) float64 to all sides, more of them towards the corners of a cube."""
+    way = rng.uniform(-1, 1, (count, 3))
+    return way / np.sqrt(dot(way, way))[:, None]
+
+
 def points_on(triangles: np.ndarray, count: int, rng: Generator) -> np.ndarray:
     """(N, 3) float32 points at vertices, on edges and on faces of random triangles, a third each."""
-    weight = rng.dirichlet([1.0, 1.0, 1.0], count)
+    weight = weights(count, rng)
     kind = rng.integers(0, 3, count)
     weight[kind == 1, 0] = 0
     weight[kind == 0] = np.eye(3)[rng.integers(0, 3, (kind == 0).sum())]
@@ -258,10 +279,10 @@ def grazing(triangles: np.ndarray, count: int, rng: Generator) -> np.ndarray:
     area = area_vectors(corners)
     length = np.sqrt(dot(area, area))[:, None]
     up = area / np.where(length > 0, length, 1)
-    target = mixed(corners, rng.dirichlet([1.0, 1.0, 1.0], count))
-    side = (corners[:, 1] - corners[:, 0]) * rng.normal(size=(count, 1)) + (corners[:, 2] - corners[:, 0])
+    target = mixed(corners, weights(count, rng))
+    side = (corners[:, 1] - corners[:, 0]) * rng.uniform(-2, 2, (count, 1)) + (corners[:, 2] - corners[:, 0])
     size = np.sqrt(dot(side, side))[:, None]
-    rise = up * size * np.exp2(rng.uniform(-30, -4, (count, 1))) * rng.choice([-1, 1], (count, 1))
+    rise = up * size * magnitudes(-30, -4, (count, 1), rng) * rng.choice([-1, 1], (count, 1))
     origin = (target - side * rng.uniform(1, 8, (count, 1)) + rise).astype(np.float32)
     return rays_from(origin, target - origin)
 
@@ -269,19 +290,16 @@ def grazing(triangles: np.ndarray, count: int, rng: Generator) -> np.ndarray:
 def from_afar(triangles: np.ndarray, count: int, rng: Generator) -> np.ndarray:
     """From up to 2**10 of the scene's extent away, a `few` from up to 2**40, at points on it."""
     low, high, extent = bounds(triangles)
-    away = rng.normal(size=(count, 3))
     far = few(triangles, count, rng)
-    distance = extent * np.exp2(np.where(far, rng.uniform(10, 40, count), rng.uniform(1, 10, count)))
-    away *= (distance / np.sqrt(dot(away, away)))[:, None]
+    distance = extent * np.where(far, magnitudes(10, 40, count, rng), magnitudes(1, 10, count, rng))
+    away = directions(count, rng) * distance[:, None]
     return aimed(triangles, ((low + high) / 2 + away).astype(np.float32), rng)
 
 
 def from_inside(triangles: np.ndarray, count: int, rng: Generator) -> np.ndarray:
     """From points in the scene's box in all directions, with all kinds of ranges of t."""
     low, high, extent = bounds(triangles)
-    direction = rng.normal(size=(count, 3))
-    direction /= np.sqrt(dot(direction, direction))[:, None]
-    rays = rays_from(rng.uniform(low, high, (count, 3)), direction)
+    rays = rays_from(rng.uniform(low, high, (count, 3)), directions(count, rng))
     rays["t_min"] = rng.choice([0, -1, 0.1], count) * extent
     rays["t_max"] = rng.choice([0.3, 2, np.inf], count) * extent
     return rays
@@ -293,7 +311,7 @@ def odd_lengths(triangles: np.ndarray, count: int, rng: Generator) -> np.ndarray
     low, high, extent = bounds(triangles)
     rays = aimed(triangles, rng.uniform(low - extent, high + extent, (count, 3)), rng)
     greatest = np.abs(rays["direction"]).max(axis=1, keepdims=True)
-    ordinary = min(16 + int(np.log2(extent)), 125)
+    ordinary = min(16 + int(np.frexp(extent)[1]), 125)
     exponent = np.where(
         few(triangles, count, rng), rng.integers(ordinary, 126, count), rng.integers(-126, ordinary, count)
     )
@@ -306,7 +324,7 @@ def nearly_parallel(triangles: np.ndarray, count: int, rng: Generator) -> np.nda
     """Directions with components many magnitudes below the greatest, subnormals among them."""
     low, high, extent = bounds(triangles)
     rays = aimed(triangles, rng.uniform(low - extent / 2, high + extent / 2, (count, 3)), rng)
-    small = np.exp2(rng.uniform(-150, -10, (count, 3))) * rng.choice([-1, 1], (count, 3))
+    small = magnitudes(-150, -10, (count, 3), rng) * rng.choice([-1, 1], (count, 3))
     kept = rng.integers(0, 3, (count, 1)) == np.arange(3)
     # The origin goes where the ray would meet its target without the small components.
     target = rays["origin"] + rays["direction"]
@@ -320,7 +338,7 @@ def at_the_range(triangles: np.ndarray, count: int, rng: Generator) -> np.ndarra
     low, high, extent = bounds(triangles)
     index = rng.integers(0, len(triangles), count)
     origin = rng.uniform(low - extent, high + extent, (count, 3)).astype(np.float32)
-    target = mixed(corners_of(triangles)[index], rng.dirichlet([1.0, 1.0, 1.0], count))
+    target = mixed(corners_of(triangles)[index], weights(count, rng))
     rays = rays_from(origin, target - origin)
     t = ray_triangle(triangle_tests(ray_setup(rays), triangles[index]))["t"]
     near = rng.choice(np.array([-np.inf, 0, np.inf], dtype=np.float32), count)
