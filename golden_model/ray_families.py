@@ -122,7 +122,8 @@ def surface_points(
     u, v = rng.random((2, count), dtype=np.float32)
     outside = u + v > 1
     u, v = np.where(outside, 1 - u, u), np.where(outside, 1 - v, v)
-    return interpolate(*(triangles[name][index] for name in ("v0", "v1", "v2")), u, v), index
+    v0, v1, v2 = (triangles[name][index] for name in ("v0", "v1", "v2"))
+    return interpolate(v0, v1, v2, u, v), index
 
 
 # --- what renderers trace -----------------------------------------------------------------------------------------
