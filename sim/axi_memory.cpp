@@ -1,5 +1,5 @@
-// How fast sim/axi_memory.v is served, and whether its data are right at that: random single beats, as many bursts under
-// way as it takes. The smallest example of a C++ simulation with that memory, too.
+// How fast sim/axi_memory.v is, and whether its data are right at that: random single beats, as many bursts under way
+// as it takes. It is also the smallest example of a C++ simulation with that memory.
 //
 //     axi_memory IMAGE CYCLES LATENCY REORDER STALL +image=IMAGE
 //
@@ -90,11 +90,12 @@ int main(int argc, char** argv) {
             wanted[id] = address;
             busy[id] = true;
             memory.arvalid = 0;
+            id = (id + 1) % IDS;
         }
-        if (!memory.arvalid) id = (id + 1) % IDS;
     }
     const double running = seconds_since(start);
     if (memory.violation) { std::fprintf(stderr, "a violation\n"); return 1; }
-    std::printf("%" PRIu64 " %" PRIu64 " %.0f %.3f\n", memory.read_bursts, memory.read_beats, cycles / running, starting);
+    const double rate = cycles / running;
+    std::printf("%" PRIu64 " %" PRIu64 " %.0f %.3f\n", memory.read_bursts, memory.read_beats, rate, starting);
     return 0;
 }

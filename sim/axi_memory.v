@@ -17,14 +17,14 @@ module axi_memory #(
     parameter integer QUEUE = 256          // bursts under way: accepted, and the last beat not yet taken
 ) (
     input  wire                     clk,
-    input  wire                     rst,           // synchronous; drops all bursts, clears counters and flag, takes seed
+    input  wire                     rst,           // drops all bursts, clears counters and flag, takes seed
 
     // Behaviour
-    input  wire [15:0]              latency,       // cycles from accepting a burst to offering its first beat; 0 is as 1
+    input  wire [15:0]              latency,       // cycles from accepting a burst to its first beat; 0 is as 1
     input  wire [8:0]               bandwidth,     // beats in 256 cycles; 256 and more: one every cycle
-    input  wire [7:0]               reorder,       // of 256 bursts, those held until one of another id has overtaken them
-    input  wire                     interleave,    // beats of bursts of different ids may come mixed
-    input  wire [7:0]               stall,         // of 256 cycles, those without arready, and those without a new beat
+    input  wire [7:0]               reorder,       // of 256 bursts, those held until another id overtakes them
+    input  wire                     interleave,    // beats of bursts of different ids come mixed
+    input  wire [7:0]               stall,         // of 256 cycles, those without arready, or a new beat
     input  wire [31:0]              seed,          // of the random choices
     input  wire                     error_enable,  // a beat with a byte from error_first to error_last gives SLVERR
     input  wire [ADDRESS_WIDTH-1:0] error_first,

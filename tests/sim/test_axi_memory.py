@@ -29,9 +29,20 @@ def random_image(path: Path, size: int) -> Path:
 
 
 def bench(
-    folder: Path, simulator: str, data_width: int, *, image: Path, verilog: str = VERILOG, only: str | None = None
+    folder: Path,
+    simulator: str,
+    data_width: int,
+    *,
+    image_bytes: int = IMAGE_BYTES,
+    verilog: str = VERILOG,
+    only: str | None = None,
+    served: Path | None = None,
 ) -> int:
-    """Runs verif/test_axi_memory.py, or its tests whose names match `only`."""
+    """Runs verif/test_axi_memory.py, or its tests whose names match `only`, on a random image.
+
+    The memory serves that image, or `served`.
+    """
+    image = random_image(folder / "image.bin", image_bytes)
     description = {"image": str(image), "memory_bits": MEMORY_BITS, "queue": QUEUE, "seed": SEED}
     return run_cocotb(
         "axi_memory",
@@ -41,17 +52,22 @@ def bench(
         public_ports=PORTS,
         parameters={"DATA_WIDTH": data_width, "MEMORY_BITS": MEMORY_BITS, "QUEUE": QUEUE, "ID_WIDTH": ID_WIDTH},
         extra_env={"LIGHTLOOM_BENCH": json.dumps(description), **({"COCOTB_TEST_FILTER": only} if only else {})},
-        plusargs=[f"+image={image}"],
+        plusargs=[f"+image={served or image}"],
         seed=SEED,
         folder=folder,
     )
 
 
-@pytest.mark.parametrize("wide", [False, True], ids=["narrow", "wide"])
-@pytest.mark.parametrize("simulator", SIMULATORS)
-def test_bench(simulator: str, wide: bool, tmp_path: Path) -> None:
-    width = {"verilator": (128, 512), "icarus": (256, 1024)}[simulator][wide]
-    assert bench(tmp_path, simulator, width, image=random_image(tmp_path / "image.bin", IMAGE_BYTES)) == 26
+@pytest.mark.parametrize(
+    ("simulator", "data_width"),
+    [
+        ("verilator", 128),
+        ("verilator", 1024),
+        pytest.param("icarus", 256, marks=[pytest.mark.icarus, needs_icarus]),
+    ],
+)
+def test_bench(simulator: str, data_width: int, tmp_path: Path) -> None:
+    assert bench(tmp_path, simulator, data_width) == 26
 
 
 @needs_icarus
@@ -65,7 +81,7 @@ def test_bench(simulator: str, wide: bool, tmp_path: Path) -> None:
         ("&& !(waits && reorder != 0)", "&& !waits", "reorder=0/interleave=1", "AssertionError"),
         ("if (engaged && !interleave)", "if (1'b0)", "reorder=100/interleave=0", "AssertionError"),
         ("if ((!rvalid || rready) &&", "if (", "stalled", "a waiting beat changed"),
-        ("{48'd0, latency} - 1", "{48'd0, latency}", "latency", "latency 2: "),
+        ("{48'd0, latency} - 1", "{48'd0, latency}", "latency", r"latency \d+: "),
         ("BEAT_COST = 256", "BEAT_COST = 255", "bandwidth", r"beat \d+ after"),
         ("under_way} < QUEUE", "under_way} <= QUEUE", "bursts_under_way", "AssertionError"),
         ("refused[tail] = arburst != INCR ||", "refused[tail] =", "errors", "expected 0xdeadbeef"),
@@ -77,32 +93,38 @@ def test_bench_catches_a_broken_memory(original: str, mutant: str, only: str, me
     assert VERILOG.count(original) == 1
     broken = VERILOG.replace(original, mutant)
     with pytest.raises(BenchError, match=message):
-        bench(
-            tmp_path,
-            "icarus",
-            128,
-            image=random_image(tmp_path / "image.bin", IMAGE_BYTES),
-            verilog=broken,
-            only=only,
-        )
+        bench(tmp_path, "icarus", 128, verilog=broken, only=only)
 
 
 @pytest.mark.parametrize("simulator", SIMULATORS)
 def test_images_that_cannot_be_served(simulator: str, tmp_path: Path) -> None:
     missing = tmp_path / "missing.bin"
-    with pytest.raises(BenchError, match=r"no test was run(.|\n)*axi_memory: .*missing\.bin: cannot be read; name a"):
-        bench(tmp_path, simulator, 128, image=missing)
+    with pytest.raises(
+        BenchError, match=r"axi_memory: .*/missing\.bin: cannot be read; name a memory image with \+image="
+    ):
+        bench(tmp_path, simulator, 128, served=missing, only="latency")
     large = random_image(tmp_path / "large.bin", (1 << MEMORY_BITS) + 1)
-    message = (
-        r"no test was run(.|\n)*axi_memory: .*large\.bin: 16385 bytes are more than the memory holds, 16384; raise"
-    )
-    with pytest.raises(BenchError, match=message):
-        bench(tmp_path, simulator, 128, image=large)
+    with pytest.raises(
+        BenchError, match=r"axi_memory: .*/large\.bin: 16385 bytes are more than the memory holds, 16384;"
+    ):
+        bench(tmp_path, simulator, 128, served=large, only="latency")
+
+
+@needs_icarus
+@pytest.mark.icarus
+def test_both_simulators_make_the_same_choices(tmp_path: Path) -> None:
+    offered = []
+    for simulator in ("verilator", "icarus"):
+        folder = tmp_path / simulator
+        folder.mkdir()
+        bench(folder, simulator, 128, only="reset_in_flight")
+        offered.append(json.loads((folder / "offered.json").read_text()))
+    assert len(offered[0]) == 80
+    assert offered[0] == offered[1]
 
 
 def test_an_image_as_large_as_the_memory(tmp_path: Path) -> None:
-    image = random_image(tmp_path / "image.bin", 1 << MEMORY_BITS)
-    assert bench(tmp_path, "verilator", 128, image=image, only="latency|errors") == 2
+    assert bench(tmp_path, "verilator", 128, image_bytes=1 << MEMORY_BITS, only="latency|errors") == 2
 
 
 def test_speed_with_the_default_parameters(tmp_path: Path) -> None:
@@ -113,7 +135,7 @@ def test_speed_with_the_default_parameters(tmp_path: Path) -> None:
     toolchain.run(command, env=verilator.env)
     binary = tmp_path / "axi_memory"
     sources = [str(source) for source in [*tmp_path.glob("*.cpp"), SIM / "axi_memory.cpp"]]
-    compile_ = [toolchain.compiler(), "-std=c++17", "-O2", "-DDATA_WIDTH=512", *verilator.include_options]
+    compile_ = [toolchain.compiler(), "-std=c++17", "-O1", "-DDATA_WIDTH=512", *verilator.include_options]
     compile_ += ["-I", str(tmp_path), *sources, str(toolchain.verilated_runtime()), "-pthread", "-o", str(binary)]
     toolchain.run(compile_)
     cycles = 200_000
@@ -125,7 +147,7 @@ def test_speed_with_the_default_parameters(tmp_path: Path) -> None:
         print(
             f"latency {latency}, reorder {reorder}, stall {stall}: {rate} cycles/s, {beats} beats, {start} s to start"
         )
-        # 256 bursts under way bound the beats a cycle where latency is longer; a stall takes a quarter of the cycles.
-        expected = min(1, 256 / latency) * (1 - stall / 256)
-        assert 0.75 * expected * cycles < int(beats) <= int(bursts) <= 1.02 * expected * cycles + 256
+        # A burst under way of 256 waits `latency` cycles; a stall takes a quarter of the cycles.
+        expected = min(1 - stall / 256, 256 / latency)
+        assert 0.9 * expected * cycles < int(beats) <= int(bursts) <= expected * cycles + 256
         assert float(rate) > 200_000, "slower than what it is to serve"
