@@ -10,7 +10,7 @@ from amaranth.lib import data, wiring
 
 from rtl.catalogue import CATALOGUE
 from rtl.config import Config
-from rtl.pipeline import Core
+from rtl.pipeline import Core, StreamUnit
 
 # The Yosys wheel, never a Yosys of the host: the text must not depend on the machine.
 os.environ["AMARANTH_USE_YOSYS"] = "builtin"
@@ -25,8 +25,9 @@ read_rtlil <<rtlil
 {rtlil}
 rtlil
 # No initial values: ASIC flows drop them, so nothing may depend on them. In Icarus all registers then start as X, and
-# the benches show that reset is enough.
+# the benches show that reset is enough. The same holds for the contents of memories.
 attrmap -remove init -remove amaranth.decoding
+delete t:$meminit t:$meminit_v2
 attrmap -modattr -remove generator -remove top -remove amaranth.hierarchy
 # `proc` without proc_rmdead, which would put X where it finds a default out of reach, and without proc_rom.
 proc_clean
@@ -47,8 +48,8 @@ opt_clean
 # The synchronous reset and enable of what rst reaches; enables only of all other registers.
 opt_dff w:rst %co4:+$mux[S,Y]:+$dff[D] t:$dff %i
 opt_dff -nosdff -simple-dffe
-# The top keeps the names of its payloads' fields, for those who look at waves.
-opt_clean -purge * {top} %d
+# The top of a unit keeps the names of its payloads' fields, for those who look at waves.
+opt_clean -purge {purged}
 opt_clean {top}
 attrmap -remove unused_bits
 write_verilog -noparallelcase
@@ -74,7 +75,8 @@ def convert(component: wiring.Component, name: str) -> str:
     ports = {port: value for port, _, value in ports_of(component)}
     texts = [_rtlil(fragment, name, ClockDomain("sync"), ports)]
     texts += [_core_rtlil(part, module, core) for module, (core, part) in cores.items()]
-    script = SCRIPT.format(rtlil="\n".join(texts), top=name)
+    purged = f"* {name} %d" if isinstance(component, StreamUnit) else "*"
+    script = SCRIPT.format(rtlil="\n".join(texts), top=name, purged=purged)
     # Amaranth ignores Yosys's warnings too: they are about processes, which are gone before anything is written.
     return find_yosys(lambda version: version >= (0, 40)).run(["-q", "-"], script, ignore_warnings=True)
 
