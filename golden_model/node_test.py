@@ -7,7 +7,12 @@ ray meets first, so that
 
 The first summand is multiplied once a node; of the second only the product of 8 bits of plane and 12 bits of slope is
 made for each plane. The sum is exact or rounded outwards, and the steepness is a saturating shift of the whole sum.
+
+The steps of one axis are functions of integers: of arrays here, of scalars in `node_test_numba`. They take the widths
+of their operands, so that narrow ones can be tried exhaustively.
 """
+
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,10 +28,24 @@ from golden_model.formats import (
 
 FRACTION = 2
 """As in `box_setup`."""
-SHORT_BITS = 12
-"""Bits of the slope that multiply a child's plane."""
-ALIGN = 4
-"""Bits that such a product is shifted left before it is shifted right, so that all shifts go one way."""
+
+
+class Widths(NamedTuple):
+    """Bits of what the box test works on."""
+
+    plane: int
+    """Of a child's plane."""
+    exponent: int
+    """The greatest exponent of a node (a value, not bits)."""
+    slope: int
+    """Of a slope, one of them before the binary point."""
+    short: int
+    """Of the slope's part that multiplies a child's plane."""
+    time: int
+    """Of a distance and its sign."""
+
+
+FULL = Widths(plane=8, exponent=NODE_EXPONENT_MAX, slope=SLOPE_BITS, short=12, time=TIME_BITS)
 
 
 def node_test(tests: np.ndarray) -> np.ndarray:
@@ -38,38 +57,24 @@ def node_test(tests: np.ndarray) -> np.ndarray:
     count = len(tests)
     entry = np.repeat(tests["t_min"].astype(np.int64)[:, None], WIDTH, axis=1)
     leave = np.repeat(tests["t_max"].astype(np.int64)[:, None], WIDTH, axis=1)
-    coarseness = tests["coarseness"].astype(np.int64)
-    pad = tests["pad"].astype(np.int64)
+    coarseness, pad = _column(tests["coarseness"]), _column(tests["pad"])
     for k, axis in enumerate("xyz"):
-        backwards = tests["backwards"][:, k]
-        exponent = np.minimum(tests["exponent"][:, k], NODE_EXPONENT_MAX).astype(np.int64)
-        slope = tests["slope"][:, k].astype(np.int64)
-        steepness = tests["steepness"][:, k].astype(np.int64)[:, None]
+        backwards = _column(tests["backwards"][:, k])
+        exponent = np.minimum(_column(tests["exponent"][:, k]), FULL.exponent)
+        slope, steepness = _column(tests["slope"][:, k]), _column(tests["steepness"][:, k])
         lower, upper = tests[f"lower_{axis}"].astype(np.int64), tests[f"upper_{axis}"].astype(np.int64)
+        position = _column(tests["position"][:, k]) - POSITION_BIAS
 
-        # Seen along the ray: planes count from the corner that it meets first.
-        corner = tests["origin"][:, k].astype(np.int64) + np.where(backwards, 255 << exponent, 0)
-        away = ((corner << FRACTION) >> coarseness) - (tests["position"][:, k].astype(np.int64) - POSITION_BIAS)
-        away = np.where(backwards, -away, away)
-        near = np.where(backwards[:, None], 255 - upper, lower)
-        far = np.where(backwards[:, None], 255 - lower, upper)
+        away = corner_distance(_column(tests["origin"][:, k]), exponent, position, backwards, coarseness, FULL)
+        base_near, base_far = base_products(away, pad, slope, FULL)
+        near, far = planes_met(lower, upper, backwards, FULL)
+        plane_near, plane_far = plane_products(near, far, slope, exponent, coarseness, FULL)
+        entry = np.maximum(entry, saturated(base_near + plane_near, steepness, FULL))
+        leave = np.minimum(leave, saturated(base_far + plane_far, steepness, FULL))
 
-        # The slope is at least `slope` and less than `slope + 1`.
-        base_near, base_far = away - pad, away + pad
-        base_near = (base_near * (slope + (base_near < 0))) >> (SLOPE_BITS - 1)
-        base_far = ((base_far * (slope + (base_far >= 0))) >> (SLOPE_BITS - 1)) + 1
-
-        short = (slope >> (SLOPE_BITS - SHORT_BITS))[:, None]
-        # 2**exponent lattice units are 2**(exponent + FRACTION - coarseness) of the ray's.
-        shift = (SHORT_BITS - 1 + ALIGN - FRACTION - exponent + coarseness)[:, None]
-        plane_near = ((near * short) << ALIGN) >> np.minimum(shift, 31)
-        plane_far = (((far * (short + 1)) << ALIGN) >> np.minimum(shift, 31)) + 1
-
-        entry = np.maximum(entry, _time(base_near[:, None] + plane_near, steepness))
-        leave = np.minimum(leave, _time(base_far[:, None] + plane_far, steepness))
-
-    entry = np.where(tests["blind"][:, None], 0, entry)
-    hit = (np.arange(WIDTH) < tests["count"][:, None]) & (tests["blind"][:, None] | (entry <= leave))
+    blind = tests["blind"][:, None]
+    entry = np.where(blind, 0, entry)
+    hit = (np.arange(WIDTH) < tests["count"][:, None]) & (blind | (entry <= leave))
 
     out = np.zeros(count, dtype=NODE_HITS)
     out["count"] = hit.sum(axis=1)
@@ -80,6 +85,45 @@ def node_test(tests: np.ndarray) -> np.ndarray:
     return out
 
 
-def _time(distance: np.ndarray, steepness: np.ndarray) -> np.ndarray:
-    """distance * 2**steepness, saturated to TIME_BITS bits, with TIME_BIAS added."""
-    return np.clip(distance << steepness, -TIME_BIAS, TIME_BIAS - 1) + TIME_BIAS
+def _column(field: np.ndarray) -> np.ndarray:
+    """(N,) to int64 (N, 1), which goes with (N, WIDTH)."""
+    return field.astype(np.int64)[:, None]
+
+
+# --- the steps of one axis: int64 arrays or scalars (so `backwards` is 0 or 1), distances in the ray's units ----------
+
+
+def corner_distance(origin: Any, exponent: Any, position: Any, backwards: Any, coarseness: Any, widths: Widths) -> Any:
+    """How far, along the ray, the node's corner that it meets first lies beyond its position."""
+    corner = origin + backwards * (((1 << widths.plane) - 1) << exponent)
+    return (((corner << FRACTION) >> coarseness) - position) * (1 - 2 * backwards)
+
+
+def base_products(away: Any, pad: Any, slope: Any, widths: Widths) -> tuple[Any, Any]:
+    """The corner's distance times the slope, less and plus the pad: rounded down and up."""
+    # The true slope is at least `slope` and less than `slope + 1`.
+    near, far = away - pad, away + pad
+    point = widths.slope - 1
+    return (near * (slope + (near < 0))) >> point, ((far * (slope + (far >= 0))) >> point) + 1
+
+
+def planes_met(lower: Any, upper: Any, backwards: Any, widths: Widths) -> tuple[Any, Any]:
+    """The planes that the ray meets first and last, counted from the corner that it meets first."""
+    last = (1 << widths.plane) - 1
+    return lower + backwards * (last - upper - lower), upper + backwards * (last - lower - upper)
+
+
+def plane_products(near: Any, far: Any, slope: Any, exponent: Any, coarseness: Any, widths: Widths) -> tuple[Any, Any]:
+    """What the planes add to the corner's distance, rounded down and up."""
+    short = slope >> (widths.slope - widths.short)
+    # 2**exponent lattice units are 2**(exponent + FRACTION - coarseness) of the ray's. Shifted left first by what the
+    # greatest exponent needs, so that all shifts that depend on operands go right. From 31 on nothing is left.
+    align = widths.exponent + FRACTION - (widths.short - 1)
+    shift = np.minimum(widths.exponent - exponent + coarseness, 31)
+    return ((near * short) << align) >> shift, (((far * (short + 1)) << align) >> shift) + 1
+
+
+def saturated(distance: Any, steepness: Any, widths: Widths) -> Any:
+    """distance * 2**steepness saturated to the bits of a time, with the bias added."""
+    bias = 1 << (widths.time - 1)
+    return np.minimum(np.maximum(distance << steepness, -bias), bias - 1) + bias
