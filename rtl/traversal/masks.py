@@ -1,0 +1,95 @@
+"""Small state of many contexts, held as masks with a bit a context.
+
+Several things happen to different contexts in one cycle. A mask takes them all as bitwise operations of its width,
+without a decoder and a multiplexer a context. A count of a context is held as planes: plane b has bit b of all counts.
+"""
+
+from collections.abc import Sequence
+
+from amaranth import Cat, Const, Module, Mux, Signal, Value
+
+
+def one_hot(number: Value, count: int) -> Value:
+    """The mask of one context; none if `number` is not below `count`."""
+    return (Const(1) << number)[:count]
+
+
+def number_of(mask: Value) -> Value:
+    """The number of the only context in a mask; 0 of an empty one."""
+    count = len(mask)
+    width = max(1, (count - 1).bit_length())
+    return Cat((mask & Const(sum(1 << k for k in range(count) if k >> b & 1), count)).any() for b in range(width))
+
+
+def lowest(mask: Value) -> Value:
+    """The mask of the lowest context of a mask."""
+    return mask & (~mask + 1)[: len(mask)]
+
+
+def next_of(m: Module, name: str, wanted: Value, take: Value) -> Signal:
+    """The mask of one of the wanted contexts: the next one above the last that was taken, round and round."""
+    count = len(wanted)
+    above = Signal(count, name=f"{name}_above")
+    higher = Signal(count, name=f"{name}_higher")
+    chosen = Signal(count, name=f"{name}_chosen")
+    m.d.comb += [higher.eq(wanted & above), chosen.eq(lowest(Mux(higher.any(), higher, wanted)))]
+    with m.If(take):
+        m.d.sync += above.eq(~(chosen | (chosen - 1)[:count]))
+    return chosen
+
+
+class Counts:
+    """A count for each context, from 0 to `greatest`; after reset 0."""
+
+    def __init__(self, name: str, contexts: int, greatest: int):
+        self.planes = [Signal(contexts, name=f"{name}{b}") for b in range(greatest.bit_length())]
+
+    def some(self) -> Value:
+        """The contexts whose count is not 0."""
+        mask: Value = self.planes[0]
+        for plane in self.planes[1:]:
+            mask = mask | plane
+        return mask
+
+    def of(self, context: Value) -> Value:
+        """The count of the only context in a mask."""
+        return Cat((plane & context).any() for plane in self.planes)
+
+    def below(self, limit: Value) -> Value:
+        """The contexts whose count is less than `limit`."""
+        count = len(self.planes[0])
+        less: Value = Const(0, count)
+        equal: Value = Const((1 << count) - 1, count)
+        for b in reversed(range(max(len(self.planes), len(limit)))):
+            plane = self.planes[b] if b < len(self.planes) else Const(0, count)
+            digit = (limit[b] if b < len(limit) else Const(0, 1)).replicate(count)
+            less = less | (equal & ~plane & digit)
+            equal = equal & ~(plane ^ digit)
+        return less
+
+    def become(self, m: Module, planes: Sequence[Value]) -> None:
+        m.d.sync += [plane.eq(value) for plane, value in zip(self.planes, planes, strict=True)]
+
+
+def plus(planes: Sequence[Value], mask: Value) -> list[Value]:
+    """One more for each context of a mask."""
+    out, carry = [], mask
+    for plane in planes:
+        out.append(plane ^ carry)
+        carry = plane & carry
+    return out
+
+
+def minus(planes: Sequence[Value], mask: Value) -> list[Value]:
+    """One less for each context of a mask."""
+    out, borrow = [], mask
+    for plane in planes:
+        out.append(plane ^ borrow)
+        borrow = ~plane & borrow
+    return out
+
+
+def replace(planes: Sequence[Value], mask: Value, count: Value) -> list[Value]:
+    """`count` for each context of a mask."""
+    width = len(mask)
+    return [(plane & ~mask) | (mask & count[b].replicate(width)) for b, plane in enumerate(planes)]

@@ -1,0 +1,89 @@
+"""What the parts of a traversal unit hand to each other."""
+
+import numpy as np
+from amaranth import unsigned
+from amaranth.lib import data, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.formats import BOX_RAY, NODE_HITS, NODE_TEST, TIME_BITS, WIDTH
+from rtl.config import Config
+from rtl.layouts import layout_of
+
+ERROR_BITS = 3
+ADDRESS_BITS = 32
+"""Of a block's number."""
+RANK_BITS = 3
+
+NODE_RAY = np.dtype([(name, BOX_RAY[name]) for name in BOX_RAY.names or () if name in (NODE_TEST.names or ())])
+"""What the node test needs of a ray."""
+
+
+def context_shape(config: Config) -> unsigned:
+    return unsigned(max(1, (config.contexts - 1).bit_length()))
+
+
+def height_shape(config: Config) -> unsigned:
+    """A number of entries on a stack."""
+    return unsigned(config.stack.bit_length())
+
+
+def node_visit(config: Config) -> data.StructLayout:
+    """A node to be visited: its block's number; the first `rank` of the children that the ray enters are skipped."""
+    return data.StructLayout({"context": context_shape(config), "address": ADDRESS_BITS, "rank": RANK_BITS})
+
+
+def leaf_visit(config: Config) -> data.StructLayout:
+    """A block of triangles to be visited."""
+    return data.StructLayout({"context": context_shape(config), "address": ADDRESS_BITS})
+
+
+def node_result(config: Config) -> data.StructLayout:
+    """A visited node: the visit, what is wrong with the block (TRACE_ERRORS), and the children that the ray enters."""
+    return data.StructLayout(
+        {
+            **node_visit(config).members,
+            "error": ERROR_BITS,
+            "base": ADDRESS_BITS,
+            "leaf": WIDTH,
+            "hits": layout_of(NODE_HITS),
+        }
+    )
+
+
+STACK_ENTRY = data.StructLayout({"entry": TIME_BITS, "address": ADDRESS_BITS, "leaf": 1, "rank": RANK_BITS})
+"""A visit that waits: the distance at which the ray enters, and where it goes."""
+
+
+def push_list(config: Config) -> data.StructLayout:
+    """Children from `last` down to `first` of a list of hits, for a stack's places from `height` up.
+
+    `again`: instead of children, an entry for the node `base` itself, of rank `first`; `last` is then `first`.
+    """
+    return data.StructLayout(
+        {
+            "context": context_shape(config),
+            "height": height_shape(config),
+            "first": RANK_BITS,
+            "last": RANK_BITS,
+            "again": 1,
+            "base": ADDRESS_BITS,
+            "leaf": WIDTH,
+            "slot": data.ArrayLayout(3, WIDTH),
+            "entry": data.ArrayLayout(TIME_BITS, WIDTH),
+        }
+    )
+
+
+def strobe(layout: data.StructLayout) -> wiring.Signature:
+    """A record that is taken in the cycle in which it is valid, or missed."""
+    return wiring.Signature({"valid": Out(1), "payload": Out(layout)})
+
+
+def failure(config: Config) -> data.StructLayout:
+    """Why a ray failed (TRACE_ERRORS), and the block that made it fail."""
+    return data.StructLayout({"context": context_shape(config), "error": ERROR_BITS, "block": ADDRESS_BITS})
+
+
+def time_read(config: Config) -> wiring.Signature:
+    """A synchronous read: the distance of the context's best hit is there one cycle after the context was."""
+    return wiring.Signature({"context": Out(context_shape(config)), "time": In(TIME_BITS)})
