@@ -143,7 +143,7 @@ def refit(bvh: Bvh, triangles: np.ndarray) -> Bvh:
     lower, upper = np.empty_like(bvh.lower), np.empty_like(bvh.upper)
     lower[leaves] = np.minimum.reduceat(corners.min(axis=0), bvh.first[leaves], axis=0)
     upper[leaves] = np.maximum.reduceat(corners.max(axis=0), bvh.first[leaves], axis=0)
-    for begin, end in reversed(_levels(bvh)):
+    for begin, end in reversed(levels(bvh)):
         inner = begin + np.flatnonzero(bvh.count[begin:end] == 0)
         left = bvh.first[inner]
         lower[inner] = np.minimum(lower[left], lower[left + 1])
@@ -151,15 +151,15 @@ def refit(bvh: Bvh, triangles: np.ndarray) -> Bvh:
     return replace(bvh, lower=lower, upper=upper, triangles=triangles)
 
 
-def _levels(bvh: Bvh) -> list[tuple[int, int]]:
-    """First and last node (exclusive) of each level, from the root down."""
+def levels(bvh: Bvh) -> list[tuple[int, int]]:
+    """First and last node (exclusive) of each level, from the root down, of a tree that `build` made."""
     children = np.concatenate([[0], np.cumsum(2 * (bvh.count == 0))])
-    levels = []
+    found = []
     begin, end = 0, min(len(bvh.count), 1)
     while begin < end:
-        levels.append((begin, end))
+        found.append((begin, end))
         begin, end = end, end + int(children[end] - children[begin])
-    return levels
+    return found
 
 
 class _Sweep:
