@@ -1,0 +1,205 @@
+"""A cache for blocks of 64 bytes that goes on while it waits for the memory; docs/block_cache.md describes it.
+
+Requests come in order and are answered in any order, each with its tag. A request whose block is there reads it; one
+whose block is awaited joins those that wait for the same block, which are answered one a cycle when it has come; any
+other is given a line of its set and starts a read.
+
+    i -> lines --- hit -------------------------------> blocks (RAM) -> o
+           |                                               ^
+           +--- awaited, miss --> waiters --- drain -------+
+           +--- miss --> m_axi.ar     ^                    |
+                         m_axi.r --> fill -----------------+
+"""
+
+from amaranth import Cat, Module, Mux, Signal, Value
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.memory import Memory
+from amaranth.lib.wiring import In, Out
+
+from rtl.axi import BLOCK_BITS, BLOCK_BYTES, INCR, AxiRead
+from rtl.block_fill import BlockFill
+from rtl.block_lines import BLOCK_NUMBER_BITS, BlockLines
+from rtl.pipeline import register
+from rtl.queues import FreeList, Queue, number_width
+from rtl.waiters import Waiters
+
+
+class BlockCache(wiring.Component):
+    """Set-associative, non-blocking; one request and one response a cycle, a hit answered 2 cycles after its request.
+
+    Ports: `i` {block: number of a block, tag}, `o` {data: the block, tag, error: the memory answered with one, and the
+    data means nothing}; `m_axi`, an AXI4 read master; `base`, the byte address of block 0, a multiple of 64;
+    `invalidate`, which forgets all blocks (nothing may be in flight then). Events, each a cycle long and one cycle
+    after it happened: `hit`, `miss` (a read was started), `merged` (joined those that wait for the same block),
+    `evicted` (a block gave way to another), and `stalled`: a request waits for a free line, miss or list entry.
+    """
+
+    def __init__(
+        self,
+        *,
+        sets: int,
+        ways: int,
+        misses: int,
+        requests: int,
+        tag_width: int,
+        address_width: int = 40,
+        data_width: int = 512,
+        id_width: int | None = None,
+    ):
+        """`sets` (a power of two, 2 or more) times `ways` lines; `misses` blocks may be awaited at a time, and
+        `requests` requests may wait for them. The id of a read is the number of its miss; `id_width` is wider where it
+        has to match another master's. Raises ValueError for what cannot be built."""
+        if sets < 2 or sets & (sets - 1):
+            raise ValueError(f"sets must be a power of two from 2 up, not {sets}")
+        for name, value in {"ways": ways, "misses": misses, "requests": requests, "tag_width": tag_width}.items():
+            if value < 1:
+                raise ValueError(f"{name} must be at least 1, not {value}")
+        id_width = number_width(misses) if id_width is None else id_width
+        if id_width < number_width(misses):
+            raise ValueError(f"{misses} misses need ids of {number_width(misses)} bits, not {id_width}")
+        self.sets, self.ways, self.misses, self.requests, self.tag_width = sets, ways, misses, requests, tag_width
+        axi = AxiRead(address_width=address_width, data_width=data_width, id_width=id_width)
+        super().__init__(
+            {
+                "i": In(stream.Signature(data.StructLayout({"block": BLOCK_NUMBER_BITS, "tag": tag_width}))),
+                "o": Out(stream.Signature(data.StructLayout({"data": BLOCK_BITS, "tag": tag_width, "error": 1}))),
+                "m_axi": Out(axi),
+                "base": In(address_width),
+                "invalidate": In(1),
+                "hit": Out(1),
+                "miss": Out(1),
+                "merged": Out(1),
+                "stalled": Out(1),
+                "evicted": Out(1),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        axi = self.m_axi.signature
+        m.submodules.lines = lines = BlockLines(sets=self.sets, ways=self.ways, misses=self.misses)
+        m.submodules.misses = misses = FreeList(self.misses)
+        m.submodules.waiters = waiters = Waiters(
+            misses=self.misses, requests=self.requests, tag_width=self.tag_width, line_width=lines.line_width
+        )
+        m.submodules.fill = fill = BlockFill(axi=axi, misses=self.misses, line_width=lines.line_width)
+        drain = waiters.o
+
+        # --- requests: the one that is looked up, and one behind it that came while it could not move -----------------
+        valid, kept_valid = Signal(), Signal()
+        done, moves = Signal(), Signal()
+        kept = register(m, ~moves & ~kept_valid, self.i.payload, "kept")
+        incoming = Signal.like(self.i.payload)
+        m.d.comb += [
+            moves.eq(~valid | done),
+            self.i.ready.eq(~kept_valid),
+            incoming.eq(Mux(kept_valid, kept, Value.cast(self.i.payload))),
+        ]
+        with m.If(moves):
+            m.d.sync += [valid.eq(kept_valid | self.i.valid), kept_valid.eq(0)]
+        with m.Elif(self.i.valid):
+            m.d.sync += kept_valid.eq(1)
+        block = register(m, moves, incoming.block, "block")
+        tag = register(m, moves, incoming.tag, "tag")
+
+        # --- what becomes of it ---------------------------------------------------------------------------------------
+        hit, merge, miss, wants_list = Signal(), Signal(), Signal(), Signal()
+        can_read, can_answer = Signal(), Signal()
+        m.d.comb += [
+            # Those that have waited come first; they are no more than the list has entries.
+            can_read.eq(can_answer & ~drain.valid),
+            wants_list.eq(valid & (~lines.found | lines.awaited)),
+            hit.eq(valid & lines.found & ~lines.awaited & can_read),
+            merge.eq(valid & lines.awaited & waiters.ready),
+            miss.eq(valid & ~lines.found & lines.available & waiters.ready & misses.o.valid),
+            done.eq(hit | merge | miss),
+            lines.look.eq(moves),
+            lines.block.eq(incoming.block),
+            lines.touch.eq(hit),
+            lines.allocate.eq(miss),
+            lines.allocate_miss.eq(misses.o.payload),
+            lines.filled.eq(fill.filled),
+            lines.filled_line.eq(fill.line),
+            lines.filled_error.eq(fill.error),
+            lines.release.eq(drain.valid & drain.ready & drain.payload.last),
+            lines.release_line.eq(drain.payload.line),
+            lines.invalidate.eq(self.invalidate),
+            waiters.add.eq(merge | miss),
+            waiters.miss.eq(Mux(lines.found, lines.miss, misses.o.payload)),
+            waiters.tag.eq(tag),
+            waiters.first.eq(~lines.found),
+            waiters.filled.eq(fill.filled),
+            waiters.filled_miss.eq(fill.miss),
+            waiters.filled_line.eq(fill.line),
+            waiters.filled_error.eq(fill.error),
+            misses.o.ready.eq(miss),
+            misses.i.valid.eq(waiters.free),
+            misses.i.payload.eq(waiters.free_miss),
+        ]
+        m.d.sync += [
+            self.hit.eq(hit),
+            self.miss.eq(miss),
+            self.merged.eq(merge),
+            self.stalled.eq(wants_list & ~merge & ~miss),
+            self.evicted.eq(miss & lines.evicts),
+        ]
+
+        # --- reads of the memory --------------------------------------------------------------------------------------
+        offset_bits = (BLOCK_BYTES - 1).bit_length()
+        unit = axi.address_width - offset_bits  # addresses count blocks
+        address = data.StructLayout({"block": unit, "miss": len(fill.miss)})
+        m.submodules.addresses = addresses = Queue(address, self.misses)  # so it always has room
+        m.d.comb += [
+            addresses.i.valid.eq(miss),
+            addresses.i.payload.block.eq(self.base[offset_bits:] + block),
+            addresses.i.payload.miss.eq(misses.o.payload),
+            self.m_axi.arvalid.eq(addresses.o.valid),
+            addresses.o.ready.eq(self.m_axi.arready),
+            self.m_axi.araddr.eq(addresses.o.payload.block << offset_bits),
+            self.m_axi.arid.eq(addresses.o.payload.miss),
+            self.m_axi.arlen.eq(axi.block_beats - 1),
+            self.m_axi.arsize.eq(axi.beat_size),
+            self.m_axi.arburst.eq(INCR),
+            fill.start.eq(miss),
+            fill.start_miss.eq(misses.o.payload),
+            fill.start_line.eq(lines.victim),
+            fill.rvalid.eq(self.m_axi.rvalid),
+            self.m_axi.rready.eq(fill.rready),
+            fill.rdata.eq(self.m_axi.rdata),
+            fill.rid.eq(self.m_axi.rid),
+            fill.rresp.eq(self.m_axi.rresp),
+            fill.rlast.eq(self.m_axi.rlast),
+        ]
+
+        # --- blocks, and answers --------------------------------------------------------------------------------------
+        # A line is never read and written in one cycle: it is written while its block is awaited, and read when it has
+        # come. A hit reads in the cycle in which it is found, so it does not matter when its line is given to another.
+        answers = Signal()
+        line = Signal(lines.line_width)
+        m.d.comb += [
+            can_answer.eq(~self.o.valid | self.o.ready),
+            drain.ready.eq(can_answer),
+            answers.eq(hit | (drain.valid & drain.ready)),
+            line.eq(Mux(drain.valid, drain.payload.line, lines.line)),
+        ]
+        parts = []
+        for lane in range(axi.block_beats):
+            depth = self.sets * self.ways
+            m.submodules[f"blocks{lane}"] = memory = Memory(shape=axi.data_width, depth=depth, init=[])
+            writes, reads = memory.write_port(), memory.read_port()
+            m.d.comb += [
+                writes.en.eq(fill.write & (fill.lane == lane)),
+                writes.addr.eq(fill.line),
+                writes.data.eq(fill.data),
+                reads.en.eq(answers),
+                reads.addr.eq(line),
+            ]
+            parts.append(reads.data)
+        with m.If(can_answer):
+            m.d.sync += self.o.valid.eq(answers)
+        m.d.comb += [
+            self.o.payload.data.eq(Cat(parts)),
+            self.o.payload.tag.eq(register(m, answers, Mux(drain.valid, drain.payload.tag, tag), "answer_tag")),
+            self.o.payload.error.eq(register(m, answers, drain.valid & drain.payload.error, "answer_error")),
+        ]
+        return m

@@ -1,0 +1,186 @@
+"""Which block is in which line of a cache, and which line is given to the next (`rtl.block_cache`).
+
+The state of a line is four flip-flops: `present` (its label counts), `pending` (its data is awaited), `locked`
+(requests wait for it or are being answered: it must stay) and `used` (it was hit since it came). The labels are in
+RAMs, one a way.
+"""
+
+from amaranth import Cat, Const, Module, Mux, Signal, Value
+from amaranth.lib import data
+from amaranth.lib.memory import Memory
+from amaranth.lib.wiring import Component, In, Out
+
+from rtl.pipeline import register
+from rtl.queues import number_width
+
+BLOCK_NUMBER_BITS = 32
+RANDOM_BITS, RANDOM_TAPS = 16, 0b1011_0100_0000_0000
+"""A Galois shift register of 16 bits and greatest period; the taps are those of x^16 + x^14 + x^13 + x^11 + 1."""
+
+
+class BlockLines(Component):
+    """Looks up a block a cycle.
+
+    Ports: `look` takes up `block`; from the next cycle, until the next `look`, the outputs describe that block by the
+    state of the lines in each cycle. `found`: it is in line `line`, or, if `awaited`, on the way there as miss `miss`.
+    Otherwise `available` says whether a line may be given to it, `victim` which one, `evicts` that another block is
+    there.
+
+    What happens to the block that is looked up: `touch` marks its line as used, `allocate` gives it the line `victim`
+    as miss `allocate_miss`. What happens to any line: `filled` (with `filled_error`: its block is not there after all),
+    `release` (nobody waits for it any more). `invalidate` forgets all blocks.
+    """
+
+    def __init__(self, *, sets: int, ways: int, misses: int):
+        self.sets, self.ways, self.misses = sets, ways, misses
+        self.line_width = number_width(sets * ways)
+        line, miss = self.line_width, number_width(misses)
+        super().__init__(
+            {
+                "look": In(1),
+                "block": In(BLOCK_NUMBER_BITS),
+                "found": Out(1),
+                "line": Out(line),
+                "awaited": Out(1),
+                "miss": Out(miss),
+                "available": Out(1),
+                "victim": Out(line),
+                "evicts": Out(1),
+                "touch": In(1),
+                "allocate": In(1),
+                "allocate_miss": In(miss),
+                "filled": In(1),
+                "filled_line": In(line),
+                "filled_error": In(1),
+                "release": In(1),
+                "release_line": In(line),
+                "invalidate": In(1),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        ways = range(self.ways)
+        set_bits = (self.sets - 1).bit_length()
+        name = register(m, self.look, self.block[set_bits:], "name")
+        row = register(m, self.look, set_of(self.block, set_bits), "row")
+
+        # --- labels: the block's number above the set's bits, which it follows from, and the miss that it is or was ---
+        label = data.StructLayout({"name": len(name), "miss": len(self.miss)})
+        chosen = Signal(self.ways)  # the way of the victim
+        labels = []
+        for way in ways:
+            m.submodules[f"labels{way}"] = memory = Memory(shape=label, depth=self.sets, init=[])
+            writes = memory.write_port()
+            reads = memory.read_port(transparent_for=[writes])
+            m.d.comb += [
+                writes.en.eq(self.allocate & chosen[way]),
+                writes.addr.eq(row),
+                writes.data.name.eq(name),
+                writes.data.miss.eq(self.allocate_miss),
+                reads.en.eq(self.look),
+                reads.addr.eq(set_of(self.block, set_bits)),
+            ]
+            labels.append(reads.data)
+
+        # --- states: a vector over the sets for each way --------------------------------------------------------------
+        present, pending, locked, used = (
+            [Signal(self.sets, name=f"{state}{way}") for way in ways]
+            for state in ("present", "pending", "locked", "used")
+        )
+
+        def here(name: str, vectors: list[Signal]) -> Signal:
+            """The bits of the set that is looked up, one a way."""
+            bits = Signal(self.ways, name=name)
+            m.d.comb += bits.eq(Cat(vector.bit_select(row, 1) for vector in vectors))
+            return bits
+
+        match = Signal(self.ways)
+        is_present, is_locked, is_used = here("is_present", present), here("is_locked", locked), here("is_used", used)
+        m.d.comb += [
+            match.eq(is_present & Cat(each.name == name for each in labels)),
+            self.found.eq(match.any()),
+            self.awaited.eq((match & here("is_pending", pending)).any()),
+            self.line.eq(Cat(row, number_of(match))),
+            self.miss.eq(any_of(Mux(match[way], labels[way].miss, 0) for way in ways)),
+        ]
+
+        # --- the victim: of the lines that may go and were not used, the first from a random one on -------------------
+        random = Signal(RANDOM_BITS, init=1)
+        m.d.sync += random.eq((random >> 1) ^ Mux(random[0], RANDOM_TAPS, 0))
+        start = Signal(range(max(self.ways, 2)))
+        m.d.comb += start.eq((random[:8] * self.ways) >> 8)
+        from_start = Signal(self.ways)
+        m.d.sync += from_start.eq(Const((1 << self.ways) - 1, self.ways) << start)
+        unused, candidates = Signal(self.ways), Signal(self.ways)
+        all_used = Signal()
+        m.d.comb += [
+            self.available.eq(~is_locked.all()),
+            unused.eq(~is_locked & ~is_used),
+            all_used.eq(~unused.any()),
+            candidates.eq(Mux(all_used, ~is_locked, unused)),
+            chosen.eq(lowest(Mux((candidates & from_start).any(), candidates & from_start, candidates))),
+            self.victim.eq(Cat(row, number_of(chosen))),
+            self.evicts.eq((chosen & is_present).any()),
+        ]
+
+        # --- changes --------------------------------------------------------------------------------------------------
+        looked_up = Signal(self.sets)
+        m.d.comb += looked_up.eq(Const(1, self.sets) << row)
+
+        def vectors_of(line: Value, valid: Value, name: str) -> list[Value]:
+            """The bit of a line, in a vector over the sets for each way."""
+            its_row = Signal(self.sets, name=name)
+            m.d.comb += its_row.eq(Const(1, self.sets) << line[:set_bits])
+            return [Mux(valid & (line[set_bits:] == way), its_row, 0) for way in ways]
+
+        filled = vectors_of(self.filled_line, self.filled, "filled_row")
+        released = vectors_of(self.release_line, self.release, "release_row")
+        keeps = Signal(self.sets)
+        m.d.comb += keeps.eq(Mux(self.invalidate, 0, ~Const(0, self.sets)))
+        for way in ways:
+            gone = Mux(self.filled_error, filled[way], 0)
+            given, touched, forgotten = (
+                Signal(self.sets, name=f"{event}{way}") for event in ("given", "touched", "forgotten")
+            )
+            m.d.comb += [
+                given.eq(Mux(self.allocate & chosen[way], looked_up, 0)),
+                touched.eq(Mux(self.touch & match[way], looked_up, 0)),
+                forgotten.eq(Mux(self.allocate & (all_used | chosen[way]), looked_up, 0)),
+            ]
+            m.d.sync += [
+                present[way].eq((present[way] & ~gone | given) & keeps),
+                pending[way].eq(pending[way] & ~filled[way] | given),
+                locked[way].eq(locked[way] & ~released[way] | given),
+                used[way].eq((used[way] & ~forgotten | touched) & keeps),
+            ]
+        return m
+
+
+def set_of(block: Value, bits: int) -> Value:
+    """The set of a block: the exclusive or of all its number's pieces of `bits` bits.
+
+    With the bits above the lowest piece the set gives that piece back, so a label needs only those.
+    """
+    result = block[:bits]
+    for first in range(bits, len(block), bits):
+        result = result ^ block[first : first + bits]
+    return result
+
+
+def any_of(values: list[Value]) -> Value:
+    result, *others = values
+    for value in others:
+        result = result | value
+    return result
+
+
+def number_of(one_hot: Value) -> Value:
+    """The number of the only bit that is set; no bits wide where there is only one."""
+    width = (len(one_hot) - 1).bit_length()
+    return Cat(Cat(bit for k, bit in enumerate(one_hot) if k >> place & 1).any() for place in range(width))
+
+
+def lowest(bits: Value) -> Value:
+    """Only the lowest bit that is set."""
+    return bits & (~bits + 1)[: len(bits)]
