@@ -1,13 +1,7 @@
-"""The bulk vector harness: a C++ loop around a Verilated unit, binary operands in, binary results out.
+"""The bulk vector harness: a C++ loop around a Verilated unit, binary operands in, binary results out."""
 
-Each simulator is built once per Verilog text and kept (`sim.toolchain.cache_folder`); parallel workers share it.
-"""
-
-import hashlib
-import re
 import subprocess
 import tempfile
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -15,25 +9,14 @@ import numpy as np
 from gen.verilog import verilog_of
 from golden_model import bitpack
 from golden_model.errors import InputError
-from golden_model.outputs import whole_file
 from golden_model.units import UNITS
 from rtl.config import PRESETS, Config
-from sim import toolchain
+from sim import verilated
 
 HARNESS = Path(__file__).with_name("bulk.cpp")
 TOP = Path(__file__).with_name("bulk.v")
 CHUNK = 1 << 20
 """Vectors a process: bounds the size of the operand and result files."""
-
-# Measured on ray_triangle. Verilator merges statements under one condition into branches that are mispredicted half of
-# the time, and its last optimisation of the whole design gives each copy of a module code of its own (see `_sharing`).
-VERILATE = ["--cc", "--prefix", "Vbulk", "--top-module", "bulk", "-O3", "--x-assign", "fast", "--x-initial", "fast"]
-VERILATE += ["--no-timing", "-Wno-fatal", "-fno-merge-cond", "-fno-dfg-scoped"]
-# -Wno-fatal: what a warning means for the Verilog is judged once, by the lint of gen/lint.vlt, not by every build.
-# Conditional moves instead of branches, for the same reason. No -march=native: a cached binary may be run on another
-# machine.
-COMPILE = ["-std=c++17", "-O2", "-fno-thread-jumps", "-fno-split-paths"]
-COMPILE += [f"--param=max-rtl-if-conversion-{kind}-cost=200" for kind in ("predictable", "unpredictable")]
 
 
 class BulkError(AssertionError):
@@ -110,58 +93,11 @@ class BulkUnit:
         return self._binaries[stalls]
 
     def _build(self, stalls: bool) -> Path:
-        """The simulator's binary, from the cache where it holds one."""
-        verilator, compiler = toolchain.verilator(), toolchain.compiler()
         defines = [
-            f"-DUNIT={self.unit.name}",
-            f"-DINPUT_BITS={bitpack.width(self.unit.input)}",
-            f"-DOUTPUT_BITS={bitpack.width(self.unit.output)}",
-            f"-DTAG_BITS={self.config.tag_width}",
-            *(["-DSTALLS"] if stalls else []),
+            f"UNIT={self.unit.name}",
+            f"INPUT_BITS={bitpack.width(self.unit.input)}",
+            f"OUTPUT_BITS={bitpack.width(self.unit.output)}",
+            f"TAG_BITS={self.config.tag_width}",
+            *(["STALLS"] if stalls else []),
         ]
-        sharing = _sharing(self.verilog)
-        recipe = [self.verilog, sharing, TOP.read_text(), HARNESS.read_text(), *VERILATE, *COMPILE, *defines]
-        recipe += [verilator.version, toolchain.compiler_version()]
-        key = hashlib.sha256("\0".join(recipe).encode()).hexdigest()[:16]
-        binary = toolchain.cache_folder() / "bulk" / f"{self.unit.name}-{key}"
-        with toolchain.locked(binary):
-            if binary.exists():
-                return binary
-            with whole_file(binary) as part, tempfile.TemporaryDirectory(prefix="lightloom-") as scratch:
-                source = Path(scratch) / f"{self.unit.name}.v"
-                source.write_text(self.verilog)
-                control = Path(scratch) / "sharing.vlt"
-                control.write_text(sharing)
-                command = [
-                    verilator.binary,
-                    *VERILATE,
-                    *defines,
-                    "--Mdir",
-                    scratch,
-                    str(control),
-                    str(TOP),
-                    str(source),
-                ]
-                toolchain.run(command, env=verilator.env)
-                # One translation unit: the run time's headers take most of the compiler's time.
-                sources = [*sorted(Path(scratch).glob("*.cpp")), HARNESS]
-                together = Path(scratch) / "together.cc"
-                together.write_text("".join(f'#include "{path}"\n' for path in sources))
-                command = [compiler, *COMPILE, *defines, *verilator.include_options, "-I", scratch]
-                runtime = str(toolchain.verilated_runtime())
-                toolchain.run([*command, str(together), runtime, "-pthread", "-o", str(part)])
-        return binary
-
-
-def _sharing(verilog: str) -> str:
-    """Verilator control file: one C++ function for all instances of a module, where there are several.
-
-    Otherwise the 40 operators of ray_triangle give twice as much code as fits into a processor's instruction cache.
-    Verilator merges their functions only if nothing in them names the place of an instance; public inputs stay in it.
-    """
-    instances = Counter(re.findall(r"^  (\w+) \w+ \($", verilog, re.MULTILINE))
-    lines = ["`verilator_config"]
-    for module, count in sorted(instances.items()):
-        if count > 1:
-            lines += [f'no_inline -module "{module}"', f'public_flat_rd -module "{module}" -var "i_*"']
-    return "\n".join(lines) + "\n"
+        return verilated.build(self.unit.name, self.verilog, top=TOP, harness=HARNESS, defines=defines)

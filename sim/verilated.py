@@ -1,0 +1,79 @@
+"""Verilog, a plain Verilog top and a C++ harness around it become one binary: Verilated, compiled and kept.
+
+Each simulator is built once per text and option (`sim.toolchain.cache_folder`); parallel workers share it.
+"""
+
+import hashlib
+import re
+import tempfile
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+from golden_model.outputs import whole_file
+from sim import toolchain
+
+HEADER = Path(__file__).with_name("harness.h")
+"""What the harnesses have in common."""
+
+# Measured on ray_triangle. Verilator merges statements under one condition into branches that are mispredicted half of
+# the time, and its last optimisation of the whole design gives each copy of a module code of its own (see `_sharing`).
+VERILATE = ["-O3", "--x-assign", "fast", "--x-initial", "fast"]
+VERILATE += ["--no-timing", "-Wno-fatal", "-fno-merge-cond", "-fno-dfg-scoped"]
+# -Wno-fatal: what a warning means for the Verilog is judged once, by the lint of gen/lint.vlt, not by every build.
+# Conditional moves instead of branches, for the same reason. No -march=native: a cached binary may be run on another
+# machine.
+COMPILE = ["-std=c++17", "-O2", "-fno-thread-jumps", "-fno-split-paths"]
+COMPILE += [f"--param=max-rtl-if-conversion-{kind}-cost=200" for kind in ("predictable", "unpredictable")]
+
+
+def build(
+    name: str, verilog: str, *, top: Path, others: Sequence[Path] = (), harness: Path, defines: Sequence[str]
+) -> Path:
+    """The simulator's binary, from the cache where it holds one.
+
+    `name` is part of the file's name; `verilog` the text under test, `top` the file of the module around it, which has
+    the file's name and may use the modules in `others`. `harness` is C++ that includes "V<top>.h". `defines`, such as
+    "TAG_BITS=8", hold for the Verilog and the C++.
+    """
+    verilator, compiler = toolchain.verilator(), toolchain.compiler()
+    options = ["--cc", "--prefix", f"V{top.stem}", "--top-module", top.stem, *VERILATE]
+    macros = [f"-D{define}" for define in defines]
+    sharing = _sharing(verilog)
+    texts = [path.read_text() for path in (top, *others, harness, HEADER)]
+    recipe = [verilog, sharing, *texts, *options, *COMPILE, *macros]
+    recipe += [verilator.version, toolchain.compiler_version()]
+    key = hashlib.sha256("\0".join(recipe).encode()).hexdigest()[:16]
+    binary = toolchain.cache_folder() / top.stem / f"{name}-{key}"
+    with toolchain.locked(binary):
+        if binary.exists():
+            return binary
+        with whole_file(binary) as part, tempfile.TemporaryDirectory(prefix="lightloom-") as scratch:
+            source = Path(scratch) / f"{name}.v"
+            source.write_text(verilog)
+            control = Path(scratch) / "sharing.vlt"
+            control.write_text(sharing)
+            files = [str(path) for path in (control, top, *others, source)]
+            toolchain.run([verilator.binary, *options, *macros, "--Mdir", scratch, *files], env=verilator.env)
+            # One translation unit: the run time's headers take most of the compiler's time.
+            sources = [*sorted(Path(scratch).glob("*.cpp")), harness]
+            together = Path(scratch) / "together.cc"
+            together.write_text("".join(f'#include "{path}"\n' for path in sources))
+            command = [compiler, *COMPILE, *macros, *verilator.include_options, "-I", scratch]
+            runtime = str(toolchain.verilated_runtime())
+            toolchain.run([*command, str(together), runtime, "-pthread", "-o", str(part)])
+    return binary
+
+
+def _sharing(verilog: str) -> str:
+    """Verilator control file: one C++ function for all instances of a module, where there are several.
+
+    Otherwise the 40 operators of ray_triangle give twice as much code as fits into a processor's instruction cache.
+    Verilator merges their functions only if nothing in them names the place of an instance; public inputs stay in it.
+    """
+    instances = Counter(re.findall(r"^  (\w+) \w+ \($", verilog, re.MULTILINE))
+    lines = ["`verilator_config"]
+    for module, count in sorted(instances.items()):
+        if count > 1:
+            lines += [f'no_inline -module "{module}"', f'public_flat_rd -module "{module}" -var "i_*"']
+    return "\n".join(lines) + "\n"
