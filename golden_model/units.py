@@ -10,7 +10,10 @@ from typing import Any
 import numpy as np
 
 from golden_model import floats, formats
+from golden_model.box_setup import box_setup
+from golden_model.node_test import node_test
 from golden_model.ray_setup import ray_setup
+from golden_model.ray_time import ray_time
 from golden_model.ray_triangle import ray_triangle
 
 
@@ -94,6 +97,27 @@ UNITS: dict[str, Unit] = {
         input=formats.RAY_TRIANGLE,
         output=formats.TRIANGLE_HIT,
         model=ray_triangle,
+    ),
+    "ray_time": Unit(
+        name="ray_time",
+        summary="a distance along a ray for the box test, rounded both ways",
+        input=formats.RAY_TIME,
+        output=formats.RAY_TIMES,
+        model=ray_time,
+    ),
+    "box_setup": Unit(
+        name="box_setup",
+        summary="what the box test needs of a ray, in integers",
+        input=formats.BOX_SETUP,
+        output=formats.BOX_RAY,
+        model=box_setup,
+    ),
+    "node_test": Unit(
+        name="node_test",
+        summary="a ray against the boxes of a node's children, nearest first",
+        input=formats.NODE_TEST,
+        output=formats.NODE_HITS,
+        model=node_test,
     ),
 }
 

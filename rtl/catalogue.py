@@ -4,7 +4,9 @@
 
 from collections.abc import Callable
 
+from rtl.box_setup import BoxSetup
 from rtl.config import Config
+from rtl.node_test import NodeTest
 from rtl.operators.fixed_to_float import FixedToFloat
 from rtl.operators.float_add import FloatAdd
 from rtl.operators.float_compare import FloatCompare
@@ -18,6 +20,7 @@ from rtl.operators.float_to_half import FloatToHalf
 from rtl.operators.half_to_float import HalfToFloat
 from rtl.pipeline import Core, StreamUnit
 from rtl.ray_setup import RaySetup
+from rtl.ray_time import RayTime
 from rtl.ray_triangle import RayTriangle
 
 
@@ -39,4 +42,7 @@ CATALOGUE: dict[str, Callable[[Config], StreamUnit]] = {
     "fixed_to_float": _stream(lambda c: FixedToFloat(c.convert_depth)),
     "ray_setup": _stream(RaySetup),
     "ray_triangle": _stream(RayTriangle),
+    "ray_time": _stream(RayTime),
+    "box_setup": _stream(BoxSetup),
+    "node_test": _stream(NodeTest),
 }

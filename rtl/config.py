@@ -23,6 +23,10 @@ class Config:
     """float_compare and float_minmax, 0 to 1."""
     convert_depth: int = 2
     """float_to_half, half_to_float, float_to_fixed and fixed_to_float, 0 to 2."""
+    width: int = 8
+    """Boxes that a node test has testers for, 4 or 8: the greatest number of children of a node."""
+    node_test_depth: int = 6
+    """node_test, 0 to 12."""
     contexts: int = 64
     """Rays that a traversal unit has in flight, a power of two, 4 to 256."""
     stack: int = 24
@@ -59,6 +63,7 @@ PRESETS: dict[str, Config] = {
         sqrt_depth=6,
         compare_depth=1,
         convert_depth=1,
+        node_test_depth=3,
         contexts=16,
         stack=16,
         overlap=2,
@@ -80,6 +85,7 @@ PRESETS: dict[str, Config] = {
         sqrt_depth=27,
         compare_depth=1,
         convert_depth=2,
+        node_test_depth=10,
         contexts=128,
         stack=32,
         node_sets=128,
