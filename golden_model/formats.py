@@ -140,6 +140,25 @@ BVH_HEADER = np.dtype(
     ]
 )
 
+# --- the memory image -----------------------------------------------------------------------------------------------
+# A file of blocks (docs/memory_image.md): the header, the table of sections, then the sections, each from a block
+# boundary and one right after the other. `check` of the header is the CRC-32 of header and table with this field zero,
+# `check` of a section that of its blocks.
+IMAGE_MAGIC = (0x4D49_4C4C, 0x0045_4741)  # "LLIMAGE\0"
+IMAGE_VERSION = 1
+IMAGE_HEADER = np.dtype(
+    [
+        ("magic", U4, (2,)),
+        ("version", U4),
+        ("sections", U4),
+        ("blocks", U4),
+        ("reserved", U4, (10,)),
+        ("check", U4),
+    ]
+)
+SECTION = np.dtype([("kind", U4), ("first", U4), ("blocks", U4), ("check", U4)])
+SECTION_KINDS = {"bvh": 1}
+
 # --- tracing rays through the tree in memory ----------------------------------------------------------------------
 # A ray and how it is to be traced. `any_hit`: only whether there is a hit; `cull`: back faces miss.
 RAY_QUERY = np.dtype(
@@ -193,6 +212,11 @@ BOX_SETUP = np.dtype(
     ]
 )
 BOX_RAY = np.dtype([*_BOX_RAY, ("rate", F4), ("scale", bits(9))])
+
+# What the tests at a leaf need of a ray: PREPARED_RAY and RAY_QUERY, and what turns t into the box test's distance.
+LEAF_RAY = np.dtype(
+    [*_PREPARED, ("rate", F4), ("scale", bits(9)), ("cull", BOOL), ("mask", bits(8)), ("any_hit", BOOL)]
+)
 
 # A float32 t to the box test's distance, rounded both ways.
 RAY_TIME = np.dtype([("t", F4), ("rate", F4), ("scale", bits(9))])

@@ -1,0 +1,214 @@
+"""Each context's best hit so far, and how far its ray still has to look for a better one."""
+
+from amaranth import Module, Mux, Signal
+from amaranth.lib import data, wiring
+from amaranth.lib.fifo import SyncFIFOBuffered
+from amaranth.lib.memory import Memory
+from amaranth.lib.wiring import In, Out
+
+from golden_model.formats import HIT, LEAF_RAY, TIME_BITS, TRIANGLE_HIT
+from rtl.config import Config
+from rtl.layouts import layout_of
+from rtl.operators.float_compare import compare
+from rtl.ray_time import RayTime
+
+ERROR_BITS = 3
+"""Bits of a code of TRACE_ERRORS."""
+TIMED = ("t_max", "rate", "scale")
+"""The fields of LEAF_RAY that give the box test's distance of t_max."""
+
+
+def context_bits(config: Config) -> int:
+    """Bits of a context's number."""
+    return (config.contexts - 1).bit_length()
+
+
+def beside_layout(config: Config) -> data.StructLayout:
+    """What travels beside the ray-triangle core."""
+    context = context_bits(config)
+    return data.StructLayout(
+        {"context": context, "primitive": 32, "any_hit": 1, "tested": 1, "last": 1, "error": ERROR_BITS}
+    )
+
+
+class Ports:
+    """The signatures that the leaf stage and its parts share; a strobe is taken or missed while it is valid."""
+
+    def __init__(self, config: Config):
+        context = context_bits(config)
+        self.started = wiring.Signature({"valid": Out(1), "context": Out(context)})
+        self.done = wiring.Signature(
+            {"valid": Out(1), "context": Out(context), "hit": Out(1), "error": Out(ERROR_BITS)}
+        )
+        self.time_read = wiring.Signature({"context": Out(context), "time": In(TIME_BITS)})
+        self.hit_read = wiring.Signature({"context": Out(context), "hit": In(layout_of(HIT))})
+
+
+class BestHits(wiring.Component):
+    """Compares the results of triangle tests with the best hit of their context, one a cycle.
+
+    The best hit has the lowest t; of equal ones, the lowest index. Ports:
+
+    - `start`: strobe, a ray begins: no hit, the best t is its t_max. `started`: strobe, its `time` can be read.
+    - `result`: strobe, what the ray-triangle core says. A visit has one or two, in successive cycles, and `last` marks
+      the last; where `tested` is not set there was no test, and `error` says why.
+    - `done`: strobe, the visit's effects show at all read ports. `hit`: a test of it hit, and the ray asks for any hit.
+    - `best_read`, `time_read`, `hit_read`: what is asked for in one cycle is there in the next; `best_read` holds it
+      while `en` is low. Without `found`, `t` means nothing, and `hit` is a miss.
+    """
+
+    def __init__(self, config: Config):
+        self._ray_time = RayTime(config)
+        self._contexts = config.contexts
+        self._context = context = context_bits(config)
+        ports = Ports(config)
+        ray = layout_of(LEAF_RAY).members
+        self._timed = data.StructLayout({name: ray[name] for name in TIMED})
+        start = data.StructLayout({"context": context, **self._timed.members})
+        result = data.StructLayout({**beside_layout(config).members, "data": layout_of(TRIANGLE_HIT)})
+        best_read = {"en": Out(1), "context": Out(context), "found": In(1), "t": In(32)}
+        super().__init__(
+            {
+                "start": In(wiring.Signature({"valid": Out(1), "payload": Out(start)})),
+                "started": Out(ports.started),
+                "result": In(wiring.Signature({"valid": Out(1), "payload": Out(result)})),
+                "done": Out(ports.done),
+                "best_read": In(wiring.Signature(best_read)),
+                "time_read": In(ports.time_read).array(2),
+                "hit_read": In(ports.hit_read),
+            }
+        )
+
+    @property
+    def latency(self) -> int:
+        """Cycles from a visit's last result to `done`."""
+        return 2 + self._ray_time.latency
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        # Without `found` the best t is the ray's t_max, so that the memories are written by results alone.
+        found = Signal(self._contexts)
+        better = self._compare(m, found)
+        self._distance(m, better)
+
+        start, result = self.start.payload, self.result.payload
+        for k in range(self._contexts):
+            with m.If(better & (result.context == k)):
+                m.d.sync += found[k].eq(1)
+            with m.If(self.start.valid & (start.context == k)):
+                m.d.sync += found[k].eq(0)
+        return m
+
+    def _compare(self, m: Module, found: Signal) -> Signal:
+        """The result against the best hit, and the read ports of the latter; returns: it is a better one."""
+        result = self.result.payload
+        m.submodules.nearest = nearest = Memory(shape=32, depth=self._contexts, init=[])
+        m.submodules.primitives = primitives = Memory(shape=32, depth=self._contexts, init=[])
+        m.submodules.hits = hits = Memory(shape=self.hit_read.hit.shape(), depth=self._contexts, init=[])
+
+        # Read and written in one cycle, because the next result may be the same ray's.
+        t_before, primitive_before = nearest.read_port(domain="comb"), primitives.read_port(domain="comb")
+        t_write, primitive_write, hit_write = nearest.write_port(), primitives.write_port(), hits.write_port()
+        order = compare(m, a=result.data.t, b=t_before.data)
+        lower = result.primitive.as_signed() < primitive_before.data.as_signed()
+        hit = self.result.valid & result.tested & result.data.hit
+        better = Signal()
+        m.d.comb += [
+            t_before.addr.eq(result.context),
+            primitive_before.addr.eq(result.context),
+            better.eq(hit & (~found.bit_select(result.context, 1) | order["less"] | (order["equal"] & lower))),
+        ]
+        for port in (t_write, primitive_write, hit_write):
+            m.d.comb += [port.en.eq(better), port.addr.eq(result.context)]
+        m.d.comb += [
+            t_write.data.eq(result.data.t),
+            primitive_write.data.eq(result.primitive),
+            hit_write.data.primitive.eq(result.primitive),
+        ]
+        m.d.comb += [hit_write.data[name].eq(result.data[name]) for name in ("t", "u", "v", "front")]
+
+        t_read, t_found = nearest.read_port(), Signal(reset_less=True)
+        with m.If(self.best_read.en):
+            m.d.sync += t_found.eq(found.bit_select(self.best_read.context, 1))
+        m.d.comb += [
+            t_read.en.eq(self.best_read.en),
+            t_read.addr.eq(self.best_read.context),
+            self.best_read.found.eq(t_found),
+            self.best_read.t.eq(t_read.data),
+        ]
+        hit_read, hit_found = hits.read_port(), Signal(reset_less=True)
+        m.d.sync += hit_found.eq(found.bit_select(self.hit_read.context, 1))
+        m.d.comb += hit_read.addr.eq(self.hit_read.context)
+        with m.If(hit_found):
+            m.d.comb += self.hit_read.hit.eq(hit_read.data)
+        with m.Else():
+            m.d.comb += self.hit_read.hit.primitive.eq(-1)
+        return better
+
+    def _distance(self, m: Module, better: Signal) -> None:
+        """The distance of every better t, and of a starting ray's t_max; `done` and `started` come with it."""
+        start, result, context = self.start.payload, self.result.payload, self._context
+        m.submodules.ray_time = ray_time = self._ray_time
+        m.submodules.timed = timed = Memory(shape=self._timed, depth=self._contexts, init=[])
+        m.submodules.times = times = Memory(shape=TIME_BITS, depth=self._contexts, init=[])
+        # Starts wait for a cycle without a better hit, each context at most once.
+        m.submodules.starting = starting = SyncFIFOBuffered(width=context, depth=self._contexts)
+        timed_write, timed_read = timed.write_port(), timed.read_port()
+        m.d.comb += [
+            timed_write.en.eq(self.start.valid),
+            timed_write.addr.eq(start.context),
+            starting.w_en.eq(self.start.valid),
+            starting.w_data.eq(start.context),
+            starting.r_en.eq(starting.r_rdy & ~better),
+            timed_read.addr.eq(Mux(better, result.context, starting.r_data)),
+        ]
+        m.d.comb += [timed_write.data[name].eq(start[name]) for name in TIMED]
+
+        # A test of the visit has hit: this one, or the one before it.
+        hit, hit_before = Signal(), Signal()
+        m.d.comb += hit.eq(result.any_hit & result.tested & result.data.hit)
+        m.d.sync += hit_before.eq(self.result.valid & ~result.last & hit)
+
+        late_layout = data.StructLayout({"changing": context, "done": context, "hit": 1, "error": ERROR_BITS})
+        strobes_layout = data.StructLayout({"better": 1, "started": 1, "done": 1})
+        late, strobes = Signal(late_layout, name="late0"), Signal(strobes_layout, name="strobes0")
+        m.d.comb += [
+            late.changing.eq(timed_read.addr),
+            late.done.eq(result.context),
+            late.hit.eq(hit | hit_before),
+            late.error.eq(result.error),
+            strobes.better.eq(better),
+            strobes.started.eq(starting.r_en),
+            strobes.done.eq(self.result.valid & result.last),
+        ]
+        t, is_better = Signal(32, reset_less=True), Signal(reset_less=True)
+        m.d.sync += [t.eq(result.data.t), is_better.eq(better)]
+        m.d.comb += [
+            ray_time.en.eq(1),
+            ray_time.i.t.eq(Mux(is_better, t, timed_read.data.t_max)),
+            ray_time.i.rate.eq(timed_read.data.rate),
+            ray_time.i.scale.eq(timed_read.data.scale),
+        ]
+        for stage in range(1, ray_time.latency + 2):
+            late_before, strobes_before = late, strobes
+            late = Signal(late_layout, name=f"late{stage}", reset_less=True)
+            strobes = Signal(strobes_layout, name=f"strobes{stage}")
+            m.d.sync += [late.eq(late_before), strobes.eq(strobes_before)]
+
+        time_write = times.write_port()
+        m.d.comb += [
+            time_write.en.eq(strobes.better | strobes.started),
+            time_write.addr.eq(late.changing),
+            time_write.data.eq(ray_time.o.high),
+        ]
+        for port in self.time_read:
+            time_read = times.read_port()
+            m.d.comb += [time_read.addr.eq(port.context), port.time.eq(time_read.data)]
+        shown = Signal(late_layout, reset_less=True)
+        m.d.sync += [shown.eq(late), self.started.valid.eq(strobes.started), self.done.valid.eq(strobes.done)]
+        m.d.comb += [
+            self.started.context.eq(shown.changing),
+            self.done.context.eq(shown.done),
+            self.done.hit.eq(shown.hit),
+            self.done.error.eq(shown.error),
+        ]
