@@ -179,6 +179,18 @@ TRACE_ERRORS = {
     "header": 5,  # no usable tree is loaded
 }
 
+# What may be wrong with a tree that is to be loaded: the first of these that is.
+LOAD_ERRORS = {
+    "none": 0,
+    "memory": 1,  # the memory answered with an error
+    "magic": 2,
+    "version": 3,
+    "check": 4,  # the check word
+    "width": 5,  # more children a node than the hardware tests
+    "levels": 6,  # none, or more than the hardware's stack has entries
+    "blocks": 7,  # the root is not in the image
+}
+
 # Distances along a ray in the box test are counted along its dominant axis, in the ray's units (`box_setup`), with
 # TIME_BIAS added: the order of the integers is that of the distances.
 TIME_BITS = 25

@@ -1,0 +1,84 @@
+"""Several AXI4 read masters on one port."""
+
+from amaranth import Cat, Const, Module, Mux, Signal
+from amaranth.lib import data
+from amaranth.lib.wiring import Component, In, Out
+
+from rtl.axi import AxiRead
+from rtl.block_lines import any_of, lowest, number_of
+from rtl.queues import Buffer
+
+
+class AxiReadArbiter(Component):
+    """One address and one beat a cycle; addresses in turn among the masters that offer one.
+
+    Ports: `masters`, an array of `count` AXI4 read ports, and `m_axi`, whose ids are a master's with the master's
+    number above them. Both channels go through a buffer of two registers, so that neither side's ready is combinational
+    in the other's: a cycle of latency each. Data goes to the master that its id names; a master that does not take its
+    data holds up the others'.
+    """
+
+    def __init__(self, count: int, *, address_width: int, data_width: int, id_width: int):
+        """`id_width` is that of the masters."""
+        if count < 1:
+            raise ValueError(f"an arbiter needs at least one master, not {count}")
+        self.count = count
+        self.number_width = (count - 1).bit_length()
+        widths = {"address_width": address_width, "data_width": data_width}
+        super().__init__(
+            {
+                "masters": In(AxiRead(**widths, id_width=id_width)).array(count),
+                "m_axi": Out(AxiRead(**widths, id_width=id_width + self.number_width)),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        port, masters = self.m_axi, self.masters
+        id_width = len(masters[0].arid)
+
+        # --- addresses ------------------------------------------------------------------------------------------------
+        names = ("araddr", "arid", "arlen", "arsize", "arburst")
+        fields = data.StructLayout({name: len(getattr(port, name)) for name in names})
+        m.submodules.addresses = addresses = Buffer(fields)
+        asks, chosen, later = Signal(self.count), Signal(self.count), Signal(self.count)
+        m.d.comb += [
+            asks.eq(Cat(master.arvalid for master in masters)),
+            chosen.eq(lowest(Mux((asks & later).any(), asks & later, asks))),
+            addresses.i.valid.eq(asks.any()),
+        ]
+        with m.If(addresses.i.valid & addresses.i.ready):
+            # The masters after the chosen one: minus twice its bit.
+            m.d.sync += later.eq((Const(0, self.count) - (chosen << 1))[: self.count])
+        for name in names:
+            if name != "arid":
+                each = [Mux(chosen[k], getattr(master, name), 0) for k, master in enumerate(masters)]
+                m.d.comb += addresses.i.payload[name].eq(any_of(each))
+        ids = [Mux(chosen[k], master.arid, 0) for k, master in enumerate(masters)]
+        m.d.comb += addresses.i.payload.arid.eq(Cat(any_of(ids), number_of(chosen)))
+        for k, master in enumerate(masters):
+            m.d.comb += master.arready.eq(chosen[k] & addresses.i.ready)
+        m.d.comb += [port.arvalid.eq(addresses.o.valid), addresses.o.ready.eq(port.arready)]
+        m.d.comb += [getattr(port, name).eq(addresses.o.payload[name]) for name in names]
+
+        # --- data -----------------------------------------------------------------------------------------------------
+        names = ("rdata", "rid", "rresp", "rlast")
+        fields = data.StructLayout({name: len(getattr(port, name)) for name in names})
+        m.submodules.beats = beats = Buffer(fields)
+        m.d.comb += [beats.i.valid.eq(port.rvalid), port.rready.eq(beats.i.ready)]
+        m.d.comb += [beats.i.payload[name].eq(getattr(port, name)) for name in names]
+        beat = beats.o.payload
+        ready = []
+        for k, master in enumerate(masters):
+            mine = Signal(name=f"mine{k}")
+            m.d.comb += [
+                mine.eq(beat.rid[id_width:] == k if self.number_width else 1),
+                master.rvalid.eq(beats.o.valid & mine),
+                master.rdata.eq(beat.rdata),
+                master.rid.eq(beat.rid[:id_width]),
+                master.rresp.eq(beat.rresp),
+                master.rlast.eq(beat.rlast),
+            ]
+            ready.append(mine & master.rready)
+        m.d.comb += beats.o.ready.eq(any_of(ready))
+        return m
