@@ -16,6 +16,7 @@ LEAST_EXPONENT = -126
 """A finer lattice would tell coordinates apart that float32 arithmetic does not."""
 LAST = (1 << LATTICE_BITS) - 1
 """The greatest lattice coordinate."""
+SATURATION = 2.0**40
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -25,22 +26,25 @@ class Lattice:
     origin: np.ndarray
     """(3,) float32, the scene's lower corner; no subnormals, no -0."""
     exponent: int
-    """-126 to 109."""
+    """-126 to 110."""
 
     def floor(self, points: np.ndarray) -> np.ndarray:
-        """Finite float32 (N, 3) inside the scene's box to the greatest lattice coordinates below, (N, 3) int64."""
+        """Finite float32 (N, 3) to the greatest lattice coordinates that are no greater, (N, 3) int64.
+
+        Beyond 2**40 on either side, which is far outside the scene, they saturate.
+        """
         whole, rounded, error = self._units(points)
         return (whole - ((rounded == whole) & (error < 0))).astype(np.int64)
 
     def ceil(self, points: np.ndarray) -> np.ndarray:
-        """Finite float32 (N, 3) inside the scene's box to the least lattice coordinates above, (N, 3) int64."""
+        """As `floor`, the least lattice coordinates that are no less."""
         whole, rounded, error = self._units(points)
         return (whole + ((rounded > whole) | ((rounded == whole) & (error > 0)))).astype(np.int64)
 
     def _units(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """points - origin in lattice units: floor of the rounded difference, the difference, its rounding error.
 
-        The difference is below 2**20, so it has more than 30 bits after the point. Its error is less than the least of
+        The difference is below 2**40, so it has more than 10 bits after the point. Its error is less than the least of
         them: it decides only where the rounded difference is a whole number.
         """
         point, origin = flush(points).astype(np.float64), self.origin.astype(np.float64)
@@ -48,7 +52,7 @@ class Lattice:
         # Knuth's two-sum: the error is exact.
         moved = point - difference
         error = (point - (difference + moved)) + (moved - origin)
-        rounded = np.ldexp(difference, -self.exponent)
+        rounded = np.clip(np.ldexp(difference, -self.exponent), -SATURATION, SATURATION)
         return np.floor(rounded), rounded, error
 
 

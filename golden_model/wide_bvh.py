@@ -80,7 +80,7 @@ class WideBvh:
         whole = half_areas(lower[0, used[0]].min(axis=0), upper[0, used[0]].max(axis=0))
         address = nodes["base"][:, None].astype(np.int64) + np.arange(WIDTH)
         tests = area[leaf] * unpack(self.blocks[address[leaf]], TRIANGLE_BLOCK)["count"]
-        return 1.0 + math.fsum(area[used & ~leaf]) / whole, math.fsum(tests) / whole
+        return 1.0 + math.fsum(area[used & ~leaf]) / float(whole), math.fsum(tests) / float(whole)
 
     @cached_property
     def sah_cost(self) -> float:
