@@ -1,0 +1,142 @@
+"""The harness of the traversal unit: what it sends, what it says of a unit that breaks the rules; and the unit in it."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from golden_model import bitpack
+from golden_model.errors import InputError
+from golden_model.formats import BVH_MAGIC, RAY_QUERY, RAY_RESULT
+from rtl.config import Config
+from sim import toolchain
+from sim.traversal import TraversalError, TraversalUnit, port_widths
+
+STAND_IN = Path(__file__).with_name("traversal_stand_in.v").read_text(encoding="utf-8")
+SEED, COUNT, BLOCKS = 53, 5000, 300
+STAND_IN_CONFIG = Config(tag_width=6)
+
+
+@cache
+def stand_in(original: str = "", mutant: str = "") -> TraversalUnit:
+    """The stand-in, with one piece of its Verilog replaced."""
+    assert not original or STAND_IN.count(original) == 1
+    text = STAND_IN.replace(original, mutant) if original else STAND_IN
+    return TraversalUnit(STAND_IN_CONFIG, memory_bits=16, verilog=text)
+
+
+@cache
+def tree() -> np.ndarray:
+    blocks = np.random.default_rng(SEED).integers(0, 2**32, (BLOCKS, 16), dtype=np.uint32)
+    blocks[0, 0] = BVH_MAGIC
+    return blocks
+
+
+@cache
+def queries() -> np.ndarray:
+    """Each asks the stand-in for a block."""
+    out = np.zeros(COUNT, dtype=RAY_QUERY)
+    out["origin"][:, 0] = np.random.default_rng(SEED).integers(0, BLOCKS, COUNT, dtype=np.uint32).view(np.float32)
+    return out
+
+
+def expected(blocks: np.ndarray, overlap: int = 4) -> np.ndarray:
+    """What the stand-in answers."""
+    wanted = queries()["origin"][:, 0].view(np.uint32)
+    out = np.zeros(COUNT, dtype=RAY_RESULT)
+    out["primitive"] = blocks[wanted, 0].view(np.int32)
+    for k, name in enumerate(("t", "u")):
+        out[name] = blocks[wanted, k + 1].view(np.float32)
+    out["v"], out["block"], out["front"] = wanted.view(np.float32), wanted, overlap % 2 == 1
+    return out
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"latency": 0, "overlap": 3},
+        {"latency": 400, "reorder": 100, "interleave": True, "memory_stall": 64, "stall_seed": 1},
+        {"latency": 10, "reorder": 128, "stall_seed": 2**63 - 1, "base": 64},
+    ],
+)
+def test_results_come_in_the_order_of_the_rays(options: dict) -> None:
+    run = stand_in().run(tree(), queries(), **options)
+    assert bitpack.equal(run.results, expected(tree(), options.get("overlap", 4))).all()
+    assert run.counters == {"rays": COUNT, "node_tests": COUNT, "leaf_visits": 0}
+    assert (run.bursts, run.beats, run.load_error) == (COUNT, COUNT, 0)
+    assert run.throughput > 0
+
+
+def test_cycles() -> None:
+    """The stand-in has as many rays under way as there are tags."""
+    for latency in (20, 200):
+        run = stand_in().run(tree(), queries(), latency=latency)
+        period = max(1.0, (latency + 2) / 64)
+        assert period * COUNT <= run.cycles <= 1.1 * period * COUNT + latency + 10
+        assert run.most_in_flight <= 64
+    assert run.most_in_flight == 64
+    # Half of the beats take twice as long.
+    assert 1.99 * COUNT < stand_in().run(tree(), queries(), latency=1, bandwidth=128).cycles < 2.01 * COUNT
+
+
+def test_blocks_that_cannot_be_read() -> None:
+    run = stand_in().run(tree(), queries(), bad_blocks=(7, 9))
+    wanted = queries()["origin"][:, 0].view(np.uint32)
+    assert (run.results["error"] == np.isin(wanted, (7, 8, 9))).all()
+    assert run.results["error"].any()
+
+
+def test_a_tree_that_is_refused_is_told() -> None:
+    blocks = tree().copy()
+    blocks[0, 0] += 1
+    run = stand_in().run(blocks, queries())
+    assert run.load_error == 2
+    assert bitpack.equal(run.results, expected(blocks)).all()
+
+
+def test_no_rays() -> None:
+    run = stand_in().run(tree(), queries()[:0])
+    assert (len(run.results), run.cycles) == (0, 0)
+
+
+def test_what_cannot_be_run_is_refused() -> None:
+    with pytest.raises(InputError, match="19,200 bytes at 60,000 is more than the simulated memory holds, 65,536"):
+        stand_in().run(tree(), queries(), base=60_000)
+    with pytest.raises(TypeError, match="RAY_QUERY"):
+        stand_in().run(tree(), np.zeros(3, dtype=np.float32))
+    with pytest.raises(ValueError, match="stall_seed"):
+        stand_in().run(tree(), queries(), stall_seed=0)
+
+
+@pytest.mark.parametrize(
+    ("original", "mutant", "message"),
+    [
+        ("out_tag = m_axi_rid[5:0]", "out_tag = ~m_axi_rid[5:0]", "a result whose tag no ray has"),
+        ("m_axi_rready = o__ready || header", "m_axi_rready = 1", "hangs: no ray, result"),
+        ("o__valid = m_axi_rvalid && !header", "o__valid = !header && state == 3", "a result whose tag no ray has"),
+        ("? 3 : 4;", "? 0 : 0;", "hangs: it does not load"),
+        ("m_axi_arsize = 6", "m_axi_arsize = 7", "breaks a rule of AXI; axi_memory: the master asked for more bytes"),
+        ("else if (m_axi_arready) asks <= 0;", "else asks <= 0;", "hangs|withdrew arvalid"),
+    ],
+    ids=["tag", "lost", "made up", "no tree", "rule", "withdrawn"],
+)
+def test_a_unit_that_breaks_the_rules_is_an_error(original: str, mutant: str, message: str) -> None:
+    with pytest.raises(TraversalError, match=message):
+        stand_in(original, mutant).run(tree(), queries()[:200], stall_seed=5, memory_stall=64)
+
+
+def test_a_simulator_is_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    stand_in()
+
+    def build(*_: object, **__: object) -> str:
+        raise AssertionError("built again")
+
+    monkeypatch.setattr(toolchain, "run", build)
+    TraversalUnit(STAND_IN_CONFIG, memory_bits=16, verilog=STAND_IN)
+
+
+def test_port_widths() -> None:
+    ports = port_widths(STAND_IN, "traversal")
+    assert (ports["clk"], ports["m_axi_rdata"], ports["count_leaf_visits"]) == (1, 512, 16)
