@@ -218,7 +218,7 @@ RAY_FAMILIES: dict[str, Family] = {
 }
 
 
-def _mixture(families: dict[str, Family], count: int, seed: int) -> np.ndarray:
+def mixture(families: dict[str, Family], count: int, seed: int) -> np.ndarray:
     """`count` operands, shuffled, an equal part from each family."""
     rng = np.random.default_rng(seed)
     part = -(-count // len(families))
@@ -228,9 +228,9 @@ def _mixture(families: dict[str, Family], count: int, seed: int) -> np.ndarray:
 
 def ray_setup_vectors(count: int, seed: int) -> np.ndarray:
     """RAY (count,)."""
-    return _mixture(RAY_FAMILIES, count, seed)
+    return mixture(RAY_FAMILIES, count, seed)
 
 
 def ray_triangle_vectors(count: int, seed: int) -> np.ndarray:
     """RAY_TRIANGLE (count,); about a third hit."""
-    return _mixture(RAY_TRIANGLE_FAMILIES, count, seed)
+    return mixture(RAY_TRIANGLE_FAMILIES, count, seed)

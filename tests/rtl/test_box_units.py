@@ -1,0 +1,115 @@
+"""The units of the box test against their models: every bit of every result."""
+
+import dataclasses
+import gc
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from amaranth.hdl import UnusedElaboratable
+
+from golden_model import node_test as model
+from golden_model.bitpack import equal, pack, unpack
+from golden_model.formats import NODE_HITS, WIDTH
+from golden_model.units import UNITS
+from rtl.catalogue import CATALOGUE
+from rtl.config import PRESETS, Config
+from rtl.node_test import STEPS, NodeTest
+from sim.bulk import BulkUnit
+from tests.rtl.agreement import assert_agrees, bulk_unit
+from verif.box_vectors import box_setup_vectors, node_test_vectors, ray_time_vectors
+
+SEED = 20170724
+CHUNK = 250_000
+VECTORS: dict[str, Callable[[int, int], np.ndarray]] = {
+    "ray_time": ray_time_vectors,
+    "box_setup": box_setup_vectors,
+    "node_test": node_test_vectors,
+}
+NARROW = dataclasses.replace(PRESETS["tiny"], width=4)
+
+
+@pytest.mark.parametrize("preset", ["tiny", "base"])
+@pytest.mark.parametrize("unit", VECTORS)
+def test_agrees_with_the_model(unit: str, preset: str) -> None:
+    assert_agrees(unit, preset, VECTORS[unit](180_000, SEED), f"seed {SEED}")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("preset", list(PRESETS))
+@pytest.mark.parametrize("unit", VECTORS)
+def test_agrees_with_the_model_on_millions(unit: str, preset: str) -> None:
+    for seed in range(SEED + 1, SEED + 17):
+        assert_agrees(unit, preset, VECTORS[unit](CHUNK, seed), f"seed {seed}")
+
+
+def test_the_vectors_reach_every_case() -> None:
+    """Otherwise agreement means little."""
+    tests = node_test_vectors(50_000, SEED)
+    assert (unpack(pack(tests), tests.dtype) == tests).all(), "a field holds more than its bits"
+    hits = UNITS["node_test"].model(tests)
+    assert (np.bincount(hits["count"], minlength=WIDTH + 1) > 500).all()
+    listed = np.arange(WIDTH - 1) < hits["count"][:, None].astype(int) - 1
+    later, same = hits["entry"][:, :-1] < hits["entry"][:, 1:], hits["entry"][:, :-1] == hits["entry"][:, 1:]
+    turned = hits["slot"][:, :-1] > hits["slot"][:, 1:]
+    assert ((later & turned & listed).sum() > 5000) & ((same & listed).sum() > 5000)
+    assert {*np.unique(tests["exponent"])} == set(range(16))
+    assert {*np.unique(tests["steepness"])} == {*np.unique(tests["coarseness"])} == set(range(32))
+    rays = UNITS["box_setup"].model(box_setup_vectors(50_000, SEED))
+    assert 0.1 < rays["blind"].mean() < 0.4
+    assert {*np.unique(rays["steepness"])} == set(range(28))
+    assert {*np.unique(rays["coarseness"])} == set(range(32))
+
+
+@pytest.mark.parametrize("unit", VECTORS)
+def test_results_survive_stalls(unit: str) -> None:
+    operands = VECTORS[unit](20_000, SEED)
+    assert equal(bulk_unit(unit, "tiny").run(operands, stall_seed=SEED), UNITS[unit].model(operands)).all()
+
+
+def test_four_testers_do_for_nodes_of_four_children() -> None:
+    """What the upper slots hold does not matter then, and what comes out for them is zero."""
+    operands = node_test_vectors(100_000, SEED)
+    small = operands.copy()
+    small["count"] = np.minimum(small["count"], 4)
+    expected, got = model.node_test(small), BulkUnit("node_test", NARROW).run(operands)
+    assert got.dtype == NODE_HITS
+    assert equal(got, expected).all(), f"node_test_vectors(100_000, {SEED})"
+
+
+@pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS.keys())
+def test_latencies(config: Config) -> None:
+    latency = {unit: CATALOGUE[unit](config).latency for unit in VECTORS}
+    assert latency == {
+        "ray_time": config.multiply_depth + config.convert_depth,
+        "box_setup": max(config.add_depth + 1, config.multiply_depth) + config.convert_depth,
+        "node_test": config.node_test_depth,
+    }
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("depth", range(STEPS + 1))
+def test_every_depth(depth: int) -> None:
+    config = dataclasses.replace(NARROW, node_test_depth=depth)
+    operands = node_test_vectors(20_000, SEED)
+    operands["count"] = np.minimum(operands["count"], 4)
+    unit = BulkUnit("node_test", config)
+    assert equal(unit.run(operands), model.node_test(operands)).all(), f"node_test_vectors(20_000, {SEED})"
+    assert unit.latency == depth
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"width": 6}, "node_test: width must be 4 or 8, not 6"),
+        ({"node_test_depth": 13}, "node_test: depth must be 0 to 12, not 13"),
+        ({"node_test_depth": -1}, "node_test: depth must be 0 to 12, not -1"),
+    ],
+)
+def test_parameters_out_of_range_are_refused(change: dict[str, int], message: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnusedElaboratable)  # of the refused one
+        with pytest.raises(ValueError, match=message):
+            NodeTest(dataclasses.replace(PRESETS["base"], **change))
+        gc.collect()
