@@ -8,22 +8,12 @@ from collections.abc import Sequence
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
+from rtl.block_lines import any_of, lowest
+
 
 def one_hot(number: Value, count: int) -> Value:
     """The mask of one context; none if `number` is not below `count`."""
     return (Const(1) << number)[:count]
-
-
-def number_of(mask: Value) -> Value:
-    """The number of the only context in a mask; 0 of an empty one."""
-    count = len(mask)
-    width = max(1, (count - 1).bit_length())
-    return Cat((mask & Const(sum(1 << k for k in range(count) if k >> b & 1), count)).any() for b in range(width))
-
-
-def lowest(mask: Value) -> Value:
-    """The mask of the lowest context of a mask."""
-    return mask & (~mask + 1)[: len(mask)]
 
 
 def next_of(m: Module, name: str, wanted: Value, take: Value) -> Signal:
@@ -46,10 +36,7 @@ class Counts:
 
     def some(self) -> Value:
         """The contexts whose count is not 0."""
-        mask: Value = self.planes[0]
-        for plane in self.planes[1:]:
-            mask = mask | plane
-        return mask
+        return any_of(self.planes)
 
     def of(self, context: Value) -> Value:
         """The count of the only context in a mask."""

@@ -1,15 +1,14 @@
 """What the parts of a traversal unit hand to each other."""
 
 import numpy as np
-from amaranth import unsigned
 from amaranth.lib import data, wiring
-from amaranth.lib.wiring import In, Out
+from amaranth.lib.wiring import Out
 
 from golden_model.formats import BOX_RAY, NODE_HITS, NODE_TEST, TIME_BITS, WIDTH
 from rtl.config import Config
 from rtl.layouts import layout_of
+from rtl.traversal.best_hits import ERROR_BITS, context_bits
 
-ERROR_BITS = 3
 ADDRESS_BITS = 32
 """Of a block's number."""
 RANK_BITS = 3
@@ -18,23 +17,19 @@ NODE_RAY = np.dtype([(name, BOX_RAY[name]) for name in BOX_RAY.names or () if na
 """What the node test needs of a ray."""
 
 
-def context_shape(config: Config) -> unsigned:
-    return unsigned(max(1, (config.contexts - 1).bit_length()))
-
-
-def height_shape(config: Config) -> unsigned:
-    """A number of entries on a stack."""
-    return unsigned(config.stack.bit_length())
+def height_bits(config: Config) -> int:
+    """Of a number of entries on a stack."""
+    return config.stack.bit_length()
 
 
 def node_visit(config: Config) -> data.StructLayout:
     """A node to be visited: its block's number; the first `rank` of the children that the ray enters are skipped."""
-    return data.StructLayout({"context": context_shape(config), "address": ADDRESS_BITS, "rank": RANK_BITS})
+    return data.StructLayout({"context": context_bits(config), "address": ADDRESS_BITS, "rank": RANK_BITS})
 
 
 def leaf_visit(config: Config) -> data.StructLayout:
     """A block of triangles to be visited."""
-    return data.StructLayout({"context": context_shape(config), "address": ADDRESS_BITS})
+    return data.StructLayout({"context": context_bits(config), "address": ADDRESS_BITS})
 
 
 def node_result(config: Config) -> data.StructLayout:
@@ -61,8 +56,8 @@ def push_list(config: Config) -> data.StructLayout:
     """
     return data.StructLayout(
         {
-            "context": context_shape(config),
-            "height": height_shape(config),
+            "context": context_bits(config),
+            "height": height_bits(config),
             "first": RANK_BITS,
             "last": RANK_BITS,
             "again": 1,
@@ -81,9 +76,4 @@ def strobe(layout: data.StructLayout) -> wiring.Signature:
 
 def failure(config: Config) -> data.StructLayout:
     """Why a ray failed (TRACE_ERRORS), and the block that made it fail."""
-    return data.StructLayout({"context": context_shape(config), "error": ERROR_BITS, "block": ADDRESS_BITS})
-
-
-def time_read(config: Config) -> wiring.Signature:
-    """A synchronous read: the distance of the context's best hit is there one cycle after the context was."""
-    return wiring.Signature({"context": Out(context_shape(config)), "time": In(TIME_BITS)})
+    return data.StructLayout({"context": context_bits(config), "error": ERROR_BITS, "block": ADDRESS_BITS})

@@ -1,0 +1,298 @@
+"""The control of a traversal unit: what each ray does next.
+
+A visit of a ray is counted from the request for its block until all that follows from it has happened. The result of a
+node sends the ray on to its nearest child and puts the rest on its stack; a ray with fewer visits under way than it may
+have takes another from its stack.
+"""
+
+from amaranth import Const, Module, Mux, Signal, Value
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.formats import TRACE_ERRORS
+from rtl.block_lines import lowest, number_of
+from rtl.config import Config
+from rtl.traversal.best_hits import ERROR_BITS, Ports, context_bits
+from rtl.traversal.masks import Counts, minus, next_of, one_hot, plus, replace
+from rtl.traversal.records import (
+    ADDRESS_BITS,
+    STACK_ENTRY,
+    failure,
+    height_bits,
+    leaf_visit,
+    node_result,
+    node_visit,
+    strobe,
+)
+from rtl.traversal.stacks import PENDING, Stacks
+
+
+class Control(wiring.Component):
+    """Contexts, stacks and requests (docs/traversal_unit.md).
+
+    Ports:
+
+    - `start`: stream, a ray wants a context; `skip`: it has nothing to traverse. It gets `start_context`.
+    - `started`: strobe, the ray's visits may begin.
+    - `node`: stream of `node_result`.
+    - `leaf`: strobe, a visited block of triangles; `hit` ends the ray, `error` (TRACE_ERRORS) makes it fail.
+    - `node_request`, `leaf_request`: streams of visits. Whoever takes them has room for `contexts * overlap` of each.
+    - `time_read`: how far the ray's best hit is, asked of the leaf stage.
+    - `failed`: two strobes, of the node's and of the leaf's side: why a ray has failed, once a ray.
+    - `finished`: stream of rays that are done; `failed`, and `by_leaf`: which side's strobe says why.
+    - `release`: strobe, the context is free again.
+    - `root`, `levels` of the tree; `overlap`: greatest number of visits of a ray under way (0 stands for 1).
+    - `idle`: no ray is in a context.
+    - `revisit`: a node was visited with a rank above 0.
+    """
+
+    def __init__(self, config: Config):
+        self._config = config
+        context = context_bits(config)
+        node_visits, leaf_visits = node_visit(config), leaf_visit(config)
+        ports = Ports(config)
+        leaf = data.StructLayout({**leaf_visits.members, "hit": 1, "error": ERROR_BITS})
+        finished = data.StructLayout({"context": context, "failed": 1, "by_leaf": 1})
+        super().__init__(
+            {
+                "start": In(stream.Signature(data.StructLayout({"skip": 1}))),
+                "start_context": Out(context),
+                "started": In(ports.started),
+                "node": In(stream.Signature(node_result(config))),
+                "leaf": In(strobe(leaf)),
+                "node_request": Out(stream.Signature(node_visits)),
+                "leaf_request": Out(stream.Signature(leaf_visits)),
+                "time_read": Out(ports.time_read),
+                "failed": Out(strobe(failure(config))).array(2),
+                "finished": Out(stream.Signature(finished)),
+                "release": In(ports.started),
+                "root": In(ADDRESS_BITS),
+                "levels": In(8),
+                "overlap": In(config.overlap.bit_length()),
+                "idle": Out(1),
+                "revisit": Out(1),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        config, contexts = self._config, self._config.contexts
+        m.submodules.stacks = stacks = Stacks(config)
+
+        # --- a bit a context ----------------------------------------------------------------------------------------
+        taken = Signal(contexts)  # holds a ray
+        active = Signal(contexts)  # its visits may begin, and the ray is not finished
+        fresh = Signal(contexts)  # the root is to be visited
+        ended = Signal(contexts)  # an any-hit ray has its hit, or the ray has failed; what is under way counts no more
+        failing = Signal(contexts)
+        by_leaf = Signal(contexts)
+        restart = Signal(contexts)  # as ended, but then it begins again, strictly
+        strict = Signal(contexts)  # one visit at a time
+        outstanding = Counts("outstanding", contexts, config.overlap)
+        height = Counts("height", contexts, config.stack)
+        pending = Counts("pending", contexts, PENDING)  # lists on their way to the stack
+
+        def mask(name: str, value: Value) -> Signal:
+            result = Signal(contexts, name=name)
+            m.d.comb += result.eq(value)
+            return result
+
+        def only_if(condition: Value, context: Value) -> Value:
+            return context & condition.replicate(contexts)
+
+        pop_layout = data.StructLayout({"context": context_bits(config), "position": height_bits(config), "fresh": 1})
+        asked, compared = Signal(pop_layout, reset_less=True), Signal(pop_layout, reset_less=True)
+        asked_valid, compared_valid = Signal(), Signal()
+
+        # --- the result of a node -----------------------------------------------------------------------------------
+        node: data.View = self.node.payload
+        node_take = Signal()
+        m.d.comb += [
+            # A pop that has chosen its place on this stack, and waits, must have read it before a list overwrites it.
+            # Holding the node back lets the pop go on: it waits for nothing but the node's own request.
+            self.node.ready.eq(stacks.push.ready & ~(asked_valid & (asked.context == node.context))),
+            node_take.eq(self.node.valid & self.node.ready),
+        ]
+        node_context = mask("node_context", only_if(self.node.valid, one_hot(node.context, contexts)))
+        here = Signal(height_bits(config))  # the height of the ray's stack
+        rest = Signal(4)  # children beside the nearest
+        above = Signal(range(config.stack + 8))  # the height with all of them
+        m.d.comb += [
+            here.eq(height.of(node_context)),
+            rest.eq(node.hits.count - node.rank - 1),
+            above.eq(here + rest),
+        ]
+        forward, push, again, fail, begin_again = (
+            Signal(name=name) for name in ("forward", "push", "again", "fail", "begin_again")
+        )
+        node_error = Signal(ERROR_BITS)
+        m.d.comb += node_error.eq(node.error)
+        dead = mask("dead", ended | restart)
+        with m.If(~(node_context & dead).any()):
+            with m.If(node.error != 0):
+                m.d.comb += fail.eq(1)
+            with m.Elif(node.hits.count > node.rank):
+                with m.If(rest == 0):
+                    m.d.comb += forward.eq(1)
+                with m.Elif(above + self.levels <= config.stack):
+                    m.d.comb += [forward.eq(1), push.eq(1)]
+                with m.Elif(here != config.stack):
+                    m.d.comb += [forward.eq(1), push.eq(1), again.eq(1)]
+                with m.Elif((node_context & strict).any()):
+                    # One visit at a time never needs more than `levels` entries: the header is wrong.
+                    m.d.comb += [fail.eq(1), node_error.eq(TRACE_ERRORS["header"])]
+                with m.Else():
+                    m.d.comb += begin_again.eq(1)
+        slot = node.hits.slot[node.rank]
+        forward_leaf, forward_node = Signal(), Signal()
+        forward_address = Signal(ADDRESS_BITS)
+        m.d.comb += [
+            forward_leaf.eq(node_take & forward & node.leaf.bit_select(slot, 1)),
+            forward_node.eq(node_take & forward & ~node.leaf.bit_select(slot, 1)),
+            forward_address.eq(node.base + slot),
+        ]
+        item: data.View = stacks.push.payload
+        m.d.comb += [
+            stacks.push.valid.eq(node_take & push),
+            item.context.eq(node.context),
+            item.height.eq(here),
+            item.first.eq(node.rank + 1),
+            item.last.eq(Mux(again, node.rank + 1, node.hits.count - 1)),
+            item.again.eq(again),
+            item.base.eq(Mux(again, node.address, node.base)),
+            item.leaf.eq(node.leaf),
+            item.slot.eq(node.hits.slot),
+            item.entry.eq(node.hits.entry),
+        ]
+        node_push = mask("node_push", only_if(node_take & push, node_context))
+        node_end = mask("node_end", only_if(node_take & ~forward, node_context))
+        node_fail = mask("node_fail", only_if(node_take & fail, node_context))
+        node_restart = mask("node_restart", only_if(node_take & begin_again, node_context))
+        m.d.comb += [
+            self.revisit.eq(node_take & (node.rank != 0)),
+            self.failed[0].valid.eq(node_take & fail),
+            self.failed[0].payload.context.eq(node.context),
+            self.failed[0].payload.error.eq(node_error),
+            self.failed[0].payload.block.eq(node.address),
+        ]
+
+        # --- the end of a leaf --------------------------------------------------------------------------------------
+        leaf: data.View = self.leaf.payload
+        leaf_context = mask("leaf_context", only_if(self.leaf.valid, one_hot(leaf.context, contexts)))
+        leaf_ends = mask("leaf_ends", only_if(leaf.hit | (leaf.error != 0), leaf_context) & ~ended)
+        m.d.comb += [
+            self.failed[1].valid.eq(leaf_ends.any() & (leaf.error != 0)),
+            self.failed[1].payload.context.eq(leaf.context),
+            self.failed[1].payload.error.eq(leaf.error),
+            self.failed[1].payload.block.eq(leaf.address),
+        ]
+
+        # --- visits from the stacks: choose, read, compare ----------------------------------------------------------
+        overlap = Signal(range(config.overlap + 1))
+        m.d.comb += overlap.eq(Mux(self.overlap > config.overlap, config.overlap, self.overlap))
+        some_height, some_outstanding, some_pending = (
+            mask(name, counts.some())
+            for name, counts in (("some_height", height), ("some_outstanding", outstanding), ("some_pending", pending))
+        )
+        room = ~some_outstanding | (~strict & outstanding.below(overlap))
+        # A stack that a list is being written to, or that the result of a node may change in this cycle, has to wait.
+        waiting = mask("waiting", active & ~dead & (fresh | (some_height & room & ~some_pending & ~node_context)))
+        pop_moves, choose = Signal(), Signal()
+        m.d.comb += choose.eq(pop_moves & waiting.any())
+        chosen = next_of(m, "pop", waiting, choose)
+        pop = mask("pop", only_if(choose, chosen))
+
+        with m.If(pop_moves):
+            m.d.sync += [
+                asked_valid.eq(choose),
+                asked.context.eq(number_of(chosen)),
+                asked.position.eq(height.of(chosen) - 1),
+                asked.fresh.eq((chosen & fresh).any()),
+                compared_valid.eq(asked_valid),
+                compared.eq(asked),
+            ]
+        m.d.comb += [
+            stacks.read.en.eq(pop_moves),
+            stacks.read.context.eq(asked.context),
+            stacks.read.position.eq(asked.position),
+            self.time_read.context.eq(Mux(pop_moves, asked.context, compared.context)),
+        ]
+        entry = Signal(STACK_ENTRY)
+        with m.If(compared.fresh):
+            m.d.comb += entry.address.eq(self.root)
+        with m.Else():
+            m.d.comb += entry.eq(stacks.read.entry)
+        compared_context = mask("compared_context", only_if(compared_valid, one_hot(compared.context, contexts)))
+        drop, pop_node, pop_leaf = Signal(), Signal(), Signal()
+        m.d.comb += [
+            drop.eq(compared_valid & ((entry.entry > self.time_read.time) | (compared_context & dead).any())),
+            pop_node.eq(compared_valid & ~drop & ~entry.leaf),
+            pop_leaf.eq(compared_valid & ~drop & entry.leaf),
+            pop_moves.eq(~((pop_node & forward_node) | (pop_leaf & forward_leaf))),
+        ]
+
+        # --- requests: first those of the node stage, which must never wait -----------------------------------------
+        m.d.comb += [
+            self.node_request.valid.eq(forward_node | pop_node),
+            self.node_request.payload.context.eq(Mux(forward_node, node.context, compared.context)),
+            self.node_request.payload.address.eq(Mux(forward_node, forward_address, entry.address)),
+            self.node_request.payload.rank.eq(Mux(forward_node, 0, entry.rank)),
+            self.leaf_request.valid.eq(forward_leaf | pop_leaf),
+            self.leaf_request.payload.context.eq(Mux(forward_leaf, node.context, compared.context)),
+            self.leaf_request.payload.address.eq(Mux(forward_leaf, forward_address, entry.address)),
+        ]
+
+        # --- a ray takes a context, and gives it back ---------------------------------------------------------------
+        free = mask("free", lowest(~taken))
+        start_take = Signal()
+        m.d.comb += [
+            self.start.ready.eq(~taken.all()),
+            self.start_context.eq(number_of(free)),
+            start_take.eq(self.start.valid & self.start.ready),
+            self.idle.eq(~taken.any()),
+        ]
+        start = mask("start", only_if(start_take, free))
+        started = mask("started_context", only_if(self.started.valid, one_hot(self.started.context, contexts)))
+        released = mask("released", only_if(self.release.valid, one_hot(self.release.context, contexts)))
+        settled = mask("settled", ~some_outstanding & ~some_pending)
+        done = mask("done", active & settled & ~some_height & ~fresh & ~restart)
+        finish_moves = Signal()
+        m.d.comb += finish_moves.eq(~self.finished.valid | self.finished.ready)
+        finishing = next_of(m, "finish", done, finish_moves & done.any())
+        finished = Signal(self.finished.payload.shape(), reset_less=True)
+        with m.If(finish_moves):
+            m.d.sync += [
+                self.finished.valid.eq(done.any()),
+                finished.context.eq(number_of(finishing)),
+                finished.failed.eq((finishing & failing).any()),
+                finished.by_leaf.eq((finishing & by_leaf).any()),
+            ]
+        m.d.comb += self.finished.payload.eq(finished)
+        finish = mask("finish", only_if(finish_moves, finishing))
+
+        # --- what becomes of it all ---------------------------------------------------------------------------------
+        begins = mask("begins", restart & settled)
+        emptied = node_fail | node_restart | leaf_ends
+        first = only_if(~self.start.payload.skip, start)
+        alone = only_if(self.overlap <= 1, start)
+        m.d.sync += [
+            taken.eq((taken | start) & ~released),
+            active.eq((active | started) & ~finish),
+            fresh.eq((fresh | first | begins) & ~pop),
+            ended.eq((ended & ~start) | node_fail | leaf_ends),
+            failing.eq((failing & ~start) | node_fail | only_if(leaf.error != 0, leaf_ends)),
+            by_leaf.eq((by_leaf & ~start) | (only_if(leaf.error != 0, leaf_ends) & ~node_fail)),
+            restart.eq((restart | node_restart) & ~begins & ~leaf_ends),
+            strict.eq((strict & ~start) | alone | begins),
+        ]
+        visits = plus(outstanding.planes, pop)
+        for over in (only_if(drop, compared_context), node_end, leaf_context):
+            visits = minus(visits, over)
+        outstanding.become(m, visits)
+        lists = plus(pending.planes, node_push)
+        written = one_hot(stacks.written.context, contexts)
+        pending.become(m, minus(lists, only_if(stacks.written.valid, written)))
+        entries = minus(height.planes, pop & ~fresh)
+        entries = replace(entries, node_push, Mux(again, here + 1, above))
+        height.become(m, replace(entries, emptied, Const(0, len(height.planes))))
+        return m

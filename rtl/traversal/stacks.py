@@ -1,0 +1,79 @@
+"""The stacks of a traversal unit, one a context, all in one RAM."""
+
+from amaranth import Module, Mux, Signal
+from amaranth.lib import data, stream, wiring
+from amaranth.lib.memory import Memory
+from amaranth.lib.wiring import In, Out
+
+from rtl.config import Config
+from rtl.queues import Queue
+from rtl.traversal.best_hits import context_bits
+from rtl.traversal.records import RANK_BITS, STACK_ENTRY, height_bits, push_list
+
+LISTS = 4
+"""Lists that wait to be written: a node seldom leaves more than one entry, and then the nodes after it leave none."""
+PENDING = LISTS + 1
+"""The greatest number of lists inside."""
+
+
+class Stacks(wiring.Component):
+    """Writes lists of entries, one entry a cycle, and reads one entry a cycle.
+
+    How high the stacks are is known to whoever uses them. Ports:
+
+    - `push`: stream of `push_list`; their entries are written from `last` to `first`, so that the nearest is on top.
+    - `written`: strobe, a list of this context has been written.
+    - `read`: the entry at `position` of the context's stack is there one cycle after an `en`, until the next one.
+    """
+
+    def __init__(self, config: Config):
+        self._contexts = config.contexts
+        self._stack = config.stack
+        context = context_bits(config)
+        super().__init__(
+            {
+                "push": In(stream.Signature(push_list(config))),
+                "written": Out(wiring.Signature({"valid": Out(1), "context": Out(context)})),
+                "read": In(
+                    wiring.Signature(
+                        {
+                            "en": Out(1),
+                            "context": Out(context),
+                            "position": Out(height_bits(config)),
+                            "entry": In(STACK_ENTRY),
+                        }
+                    )
+                ),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        m.submodules.entries = entries = Memory(shape=STACK_ENTRY, depth=self._contexts * self._stack, init=[])
+        write, read = entries.write_port(), entries.read_port()
+        m.submodules.lists = lists = Queue(self.push.payload.shape(), LISTS)
+        wiring.connect(m, wiring.flipped(self.push), lists.i)
+
+        item: data.View = lists.o.payload
+        done = Signal(RANK_BITS)  # entries of this list that are written
+        index = Signal(RANK_BITS)
+        last = Signal()
+        m.d.comb += [
+            index.eq(item.last - done),
+            last.eq(index == item.first),
+            lists.o.ready.eq(last),
+            write.en.eq(lists.o.valid),
+            write.addr.eq(item.context * self._stack + item.height + done),
+            write.data.entry.eq(item.entry[index]),
+            write.data.address.eq(item.base + Mux(item.again, 0, item.slot[index])),
+            write.data.leaf.eq(~item.again & item.leaf.bit_select(item.slot[index], 1)),
+            write.data.rank.eq(Mux(item.again, item.first, 0)),
+            self.written.valid.eq(lists.o.valid & last),
+            self.written.context.eq(item.context),
+            read.en.eq(self.read.en),
+            read.addr.eq(self.read.context * self._stack + self.read.position),
+            self.read.entry.eq(read.data),
+        ]
+        with m.If(lists.o.valid):
+            m.d.sync += done.eq(Mux(last, 0, done + 1))
+        return m
