@@ -16,14 +16,23 @@ BLOCK = 4096
 
 
 @compiled
-def trace_block(prepared: Any, vertices: Any, base: int, hits: Any, best: Any, any_hit: bool) -> None:
-    """PREPARED_RAY (N,) against triangles (T, 9), numbered from `base`: betters HIT (N,) and its t `best` (N,)."""
+def trace_block(
+    prepared: Any, cull: Any, mask: Any, vertices: Any, masks: Any, base: int, hits: Any, best: Any, any_hit: bool
+) -> None:
+    """PREPARED_RAY (N,) against triangles (T, 9), numbered from `base`: betters HIT (N,) and its t `best` (N,).
+
+    `cull` (N,) bool, `mask` (N,) and `masks` (T,) uint8.
+    """
     for number in range(len(prepared)):
         ray, hit = prepared[number], hits[number]
         if any_hit and hit.primitive >= 0:
             continue
         for index in range(len(vertices)):
+            if masks[index] & mask[number] == 0:
+                continue
             found, t, u, v, front = intersect_triangle(ray, vertices[index], ray.t_max)
+            if cull[number] and not front:
+                continue
             if found and any_hit:
                 hit.primitive = 0
                 break
@@ -33,7 +42,15 @@ def trace_block(prepared: Any, vertices: Any, base: int, hits: Any, best: Any, a
                 hit.primitive, hit.t, hit.u, hit.v, hit.front = base + index, t, u, v, front
 
 
-def trace_brute_force(triangles: np.ndarray, rays: np.ndarray, *, any_hit: bool = False) -> np.ndarray:
+def trace_brute_force(
+    triangles: np.ndarray,
+    rays: np.ndarray,
+    *,
+    any_hit: bool = False,
+    cull: np.ndarray | bool = False,
+    masks: np.ndarray | None = None,
+    mask: np.ndarray | int = 0xFF,
+) -> np.ndarray:
     """As `brute_force.trace_brute_force`, in all bits: TRIANGLE (T,) and RAY (N,) to HIT (N,), all N*T tests.
 
     With `any_hit` a ray is done at its first hit.
@@ -43,6 +60,11 @@ def trace_brute_force(triangles: np.ndarray, rays: np.ndarray, *, any_hit: bool 
     best = np.zeros(len(rays), dtype=np.float32)
     prepared = ray_setup(rays)
     vertices = np.ascontiguousarray(triangles).view(np.float32).reshape(-1, 9)
+    cull = np.broadcast_to(cull, len(rays)).astype(bool)
+    mask = np.broadcast_to(np.asarray(mask, dtype=np.uint8), len(rays)).copy()
+    if masks is None:
+        masks = np.full(len(triangles), 0xFF, dtype=np.uint8)
     for base in range(0, len(vertices), BLOCK):
-        trace_block(prepared, vertices[base : base + BLOCK], base, hits, best, any_hit)
+        block = slice(base, base + BLOCK)
+        trace_block(prepared, cull, mask, vertices[block], masks[block], base, hits, best, any_hit)
     return hits

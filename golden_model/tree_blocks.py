@@ -83,7 +83,7 @@ def tree_blocks(blocks: np.ndarray, *, width: int, stack: int, unreadable: Itera
 
 
 def header_is_usable(block: np.ndarray, header: np.ndarray, *, width: int = WIDTH, stack: int) -> bool:
-    """Whether a unit of `width` box testers and `stack` entries a ray loads the tree: block 0, (16,) uint32, unpacked."""
+    """Whether a unit of `width` box testers and `stack` entries loads a tree with this block 0, (16,) uint32."""
     return bool(
         header["magic"] == BVH_MAGIC
         and header["version"] == BVH_VERSION
