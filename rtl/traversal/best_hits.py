@@ -1,3 +1,5 @@
+# amaranth: UnusedElaboratable=no
+# (a unit is also made only to ask for its latency)
 """Each context's best hit so far, and how far its ray still has to look for a better one."""
 
 from amaranth import Module, Mux, Signal

@@ -1,3 +1,5 @@
+# amaranth: UnusedElaboratable=no
+# (a unit is also made only to ask for its latency)
 """The leaf stage of a traversal unit: the triangles of a block against the ray that visits it."""
 
 from amaranth import Module, Mux, Signal, Value

@@ -1,0 +1,75 @@
+# amaranth: UnusedElaboratable=no
+# (a stage is also made only to ask for its ports and its latency)
+"""The leaf stage: its bench on both simulators, and what it is made of."""
+
+import functools
+import json
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from gen.verilog import convert, ports_of
+from golden_model.formats import TRACE_ERRORS
+from rtl.config import PRESETS, Config
+from rtl.ray_time import RayTime
+from rtl.ray_triangle import RayTriangle
+from rtl.traversal.best_hits import ERROR_BITS
+from rtl.traversal.leaf import LeafStage
+from sim import toolchain
+from sim.runner import run_cocotb
+from tests.simulators import SIMULATORS, needs_icarus
+
+SEED = 1997
+WAIVERS = Path(__file__).parents[2] / "gen" / "lint.vlt"
+RAYS = {"verilator": 800, "icarus": 60}
+
+
+@functools.cache
+def verilog(config: Config) -> str:
+    return convert(LeafStage(config), "leaf_stage")
+
+
+@pytest.mark.parametrize("simulator", SIMULATORS)
+@pytest.mark.parametrize("contexts", [4, 16])
+def test_bench(simulator: str, contexts: int, tmp_path: Path) -> None:
+    config = replace(PRESETS["tiny"], contexts=contexts)
+    stage = LeafStage(config)
+    description = {"contexts": contexts, "latency": stage.latency, "rays": RAYS[simulator], "seed": SEED + contexts}
+    ports = [name for name, _, _ in ports_of(stage)]
+    passed = run_cocotb(
+        "leaf_stage",
+        {"leaf_stage.v": verilog(config)},
+        simulator,
+        module="verif.test_leaf_stage",
+        public_ports=["clk", "rst", *ports],
+        extra_env={"LIGHTLOOM_BENCH": json.dumps(description)},
+        seed=SEED,
+        folder=tmp_path,
+    )
+    assert passed == 9
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_latency_is_the_cores_and_five_cycles(preset: str) -> None:
+    config = PRESETS[preset]
+    assert LeafStage(config).latency == RayTriangle(config).latency + RayTime(config).latency + 5
+
+
+def test_every_error_has_a_code() -> None:
+    assert max(TRACE_ERRORS.values()) < 1 << ERROR_BITS
+
+
+@needs_icarus
+@pytest.mark.parametrize("preset", ["tiny", "base"])
+def test_lint(preset: str, tmp_path: Path) -> None:
+    source = tmp_path / "leaf_stage.v"
+    source.write_text(verilog(PRESETS[preset]))
+    verilator = toolchain.verilator()
+    command = [verilator.binary, "--lint-only", "-Wall", "--top-module", "leaf_stage", str(WAIVERS), str(source)]
+    done = subprocess.run(command, env=verilator.env, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    command = [toolchain.icarus(), "-g2001", "-Wall", "-tnull", "-s", "leaf_stage", str(source)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
