@@ -14,9 +14,9 @@ from golden_model.formats import TRIANGLE
 from golden_model.lattice import half_areas
 
 NODE_COST = 1.0
-TRIANGLE_COST = 0.6
-"""Relative costs of visiting a node and of testing a triangle. At full rate a node test costs a cycle, a triangle test
-less, as the triangle unit has cycles to spare."""
+TRIANGLE_COST = 0.8
+"""Relative costs of visiting a node and of testing a triangle. Node tests decide how fast a traversal unit is, its
+triangle unit has cycles to spare (docs/memory_image.md has the choice in figures)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

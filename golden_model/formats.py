@@ -117,7 +117,7 @@ TRIANGLE_BLOCK = np.dtype(
     ]
 )
 
-# Block 0 of a tree. `width` is the greatest count of a node, `levels` the number of nodes on the longest path from the
+# Block 0 of a tree. No node has more than `width` children, `levels` counts the nodes on the longest path from the
 # root; `check` makes the exclusive or of all sixteen words zero.
 BVH_MAGIC = 0x5642_4C4C  # "LLBV"
 BVH_VERSION = 1

@@ -78,7 +78,7 @@ def tree_blocks(blocks: np.ndarray, *, width: int, stack: int, unreadable: Itera
         place=place,
         nodes=nodes,
         leaves=leaves,
-        triangles=_triangles(leaves),
+        triangles=leaf_triangles(leaves),
     )
 
 
@@ -94,7 +94,7 @@ def header_is_usable(block: np.ndarray, header: np.ndarray, *, width: int = WIDT
     )
 
 
-def _triangles(leaves: np.ndarray) -> np.ndarray:
+def leaf_triangles(leaves: np.ndarray) -> np.ndarray:
     """TRIANGLE_BLOCK (L,) to TRIANGLE (L, 2)."""
     corners = leaves["vertices"].reshape(-1, 4, 3)
     out = np.zeros((len(leaves), 2), dtype=TRIANGLE)

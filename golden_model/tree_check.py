@@ -73,6 +73,8 @@ def _node_problem(tree: WideBvh) -> str:
     count, base = nodes["count"].astype(np.int64), nodes["base"].astype(np.int64)
     if (wide := count > header["width"]).any():
         return f"node {address[wide][0]} has more children than the tree is wide"
+    if (wrong := (count == 0) & (address != ROOT)).any():
+        return f"node {address[wrong][0]} has no children"
     if (wrong := (count > 0) & ((base <= address) | (base + count > blocks))).any():
         return f"the children of node {address[wrong][0]} do not lie behind it"
     used = np.arange(WIDTH) < count[:, None]
@@ -129,9 +131,10 @@ def _box_problem(tree: WideBvh) -> str:
         inside = (box[0][used] <= lower[child]).all(axis=1) & (box[1][used] >= upper[child]).all(axis=1)
         if not inside.all():
             return f"block {child[~inside][0]} reaches out of its box"
-        owner = np.repeat(level, nodes["count"])
-        np.minimum.at(lower, owner, lower[child])
-        np.maximum.at(upper, owner, upper[child])
+        if len(child):  # otherwise it is a root without children
+            starts = np.cumsum(nodes["count"], dtype=np.int64) - nodes["count"]
+            lower[level] = np.minimum.reduceat(lower[child], starts)
+            upper[level] = np.maximum.reduceat(upper[child], starts)
     return ""
 
 
@@ -146,7 +149,9 @@ def triangle_bounds(tree: WideBvh) -> tuple[np.ndarray, np.ndarray]:
     _, triangles, _ = tree_triangles(tree)
     corners = np.stack([triangles[name] for name in triangles.dtype.names or ()])
     leaves = np.flatnonzero(tree.triangle_blocks)
-    owner = np.repeat(leaves, unpack(tree.blocks[leaves], TRIANGLE_BLOCK)["count"])
-    np.minimum.at(lower, owner, lattice.floor(flush(corners).min(axis=0)))
-    np.maximum.at(upper, owner, lattice.ceil(flush(corners).max(axis=0)))
+    if len(leaves):
+        count = unpack(tree.blocks[leaves], TRIANGLE_BLOCK)["count"]
+        starts = np.cumsum(count, dtype=np.int64) - count
+        lower[leaves] = np.minimum.reduceat(lattice.floor(flush(corners).min(axis=0)), starts)
+        upper[leaves] = np.maximum.reduceat(lattice.ceil(flush(corners).max(axis=0)), starts)
     return lower, upper

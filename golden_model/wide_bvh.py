@@ -28,6 +28,7 @@ from golden_model.formats import (
     WIDTH,
 )
 from golden_model.lattice import LEAST_EXPONENT, Lattice, half_areas, lattice_around
+from golden_model.tree_blocks import leaf_triangles
 
 MAX_LEVELS = 24
 """Nodes on the longest path of a tree, unless asked for otherwise: what the traversal unit's stacks have room for."""
@@ -139,13 +140,8 @@ def slot_boxes(nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def tree_triangles(tree: WideBvh) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """What is in the leaves, in the order of the blocks: indices (S,) int32, TRIANGLE (S,), masks (S,) uint8."""
     leaves = unpack(tree.blocks[tree.triangle_blocks], TRIANGLE_BLOCK)
-    vertices = leaves["vertices"].reshape(-1, 4, 3)
-    triangles = np.zeros((len(leaves), 2), dtype=TRIANGLE)
-    for k, name in enumerate(TRIANGLE.names or ()):
-        triangles[name][:, 0] = vertices[:, k]
-        triangles[name][:, 1] = vertices[np.arange(len(leaves)), leaves["order"][:, k]]
     used = np.arange(2) < leaves["count"][:, None]
-    return leaves["primitive"][used], triangles[used], leaves["mask"][used]
+    return leaves["primitive"][used], leaf_triangles(leaves)[used], leaves["mask"][used]
 
 
 def _layout(tree: WideTree) -> tuple[np.ndarray, np.ndarray]:
