@@ -23,6 +23,9 @@ from rtl.pipeline import register
 from rtl.queues import FreeList, Queue, number_width
 from rtl.waiters import Waiters
 
+PATIENCE = 7
+"""Hits that may go before a request that has waited for its block."""
+
 
 class BlockCache(wiring.Component):
     """Set-associative, non-blocking; one request and one response a cycle, a hit answered 2 cycles after its request.
@@ -103,13 +106,11 @@ class BlockCache(wiring.Component):
         tag = register(m, moves, incoming.tag, "tag")
 
         # --- what becomes of it ---------------------------------------------------------------------------------------
-        hit, merge, miss, wants_list = Signal(), Signal(), Signal(), Signal()
-        can_read, can_answer = Signal(), Signal()
+        hit_first, hit, merge, miss = Signal(), Signal(), Signal(), Signal()
+        can_answer, impatient = Signal(), Signal()
         m.d.comb += [
-            # Those that have waited come first; they are no more than the list has entries.
-            can_read.eq(can_answer & ~drain.valid),
-            wants_list.eq(valid & (~lines.found | lines.awaited)),
-            hit.eq(valid & lines.found & ~lines.awaited & can_read),
+            hit_first.eq(valid & lines.found & ~lines.awaited & ~(drain.valid & impatient)),
+            hit.eq(hit_first & can_answer),
             merge.eq(valid & lines.awaited & waiters.ready),
             miss.eq(valid & ~lines.found & lines.available & waiters.ready & misses.o.valid),
             done.eq(hit | merge | miss),
@@ -140,9 +141,19 @@ class BlockCache(wiring.Component):
             self.hit.eq(hit),
             self.miss.eq(miss),
             self.merged.eq(merge),
-            self.stalled.eq(wants_list & ~merge & ~miss),
+            self.stalled.eq(valid & (~lines.found | lines.awaited) & ~merge & ~miss),
             self.evicted.eq(miss & lines.evicts),
         ]
+
+        # A hit goes before those that have waited: they are answered in the cycles of requests that miss, of which
+        # there is one for each of them, so that neither lookup nor answers pause. But not more than PATIENCE hits in a
+        # row.
+        overtaken = Signal(range(PATIENCE + 1))
+        m.d.comb += impatient.eq(overtaken == PATIENCE)
+        with m.If(drain.ready | ~drain.valid):
+            m.d.sync += overtaken.eq(0)
+        with m.Elif(drain.valid & hit):
+            m.d.sync += overtaken.eq(overtaken + 1)
 
         # --- reads of the memory --------------------------------------------------------------------------------------
         offset_bits = (BLOCK_BYTES - 1).bit_length()
@@ -178,9 +189,9 @@ class BlockCache(wiring.Component):
         line = Signal(lines.line_width)
         m.d.comb += [
             can_answer.eq(~self.o.valid | self.o.ready),
-            drain.ready.eq(can_answer),
+            drain.ready.eq(can_answer & ~hit_first),
             answers.eq(hit | (drain.valid & drain.ready)),
-            line.eq(Mux(drain.valid, drain.payload.line, lines.line)),
+            line.eq(Mux(hit_first, lines.line, drain.payload.line)),
         ]
         parts = []
         for lane in range(axi.block_beats):
@@ -199,7 +210,7 @@ class BlockCache(wiring.Component):
             m.d.sync += self.o.valid.eq(answers)
         m.d.comb += [
             self.o.payload.data.eq(Cat(parts)),
-            self.o.payload.tag.eq(register(m, answers, Mux(drain.valid, drain.payload.tag, tag), "answer_tag")),
-            self.o.payload.error.eq(register(m, answers, drain.valid & drain.payload.error, "answer_error")),
+            self.o.payload.tag.eq(register(m, answers, Mux(hit_first, tag, drain.payload.tag), "answer_tag")),
+            self.o.payload.error.eq(register(m, answers, ~hit_first & drain.payload.error, "answer_error")),
         ]
         return m

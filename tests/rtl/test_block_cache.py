@@ -1,0 +1,350 @@
+# amaranth: UnusedElaboratable=no
+# (shapes that cannot be built are tried)
+"""The block cache: its bench on both simulators, many requests through C++, and its rules one by one."""
+
+import json
+import random
+import re
+import subprocess
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from amaranth.sim import Simulator
+
+from gen.verilog import convert
+from rtl.block_cache import BlockCache
+from rtl.queues import number_width
+from sim import toolchain, verilated
+from sim.runner import BenchError, run_cocotb
+from tests.gen.test_lint import WAIVERS, lint
+from tests.rtl.axi_slave import AxiSlave
+from tests.simulators import SIMULATORS, needs_icarus
+
+SIM = Path(__file__).parents[2] / "sim"
+SYSTEM, MEMORY = SIM / "block_cache_system.v", SIM / "axi_memory.v"
+SEED = 64
+CACHES: dict[str, dict[str, int]] = {
+    "least": {"sets": 2, "ways": 1, "misses": 1, "requests": 1, "data_width": 32},
+    "small": {"sets": 4, "ways": 3, "misses": 6, "requests": 12, "data_width": 128},
+    "large": {"sets": 64, "ways": 6, "misses": 48, "requests": 256, "data_width": 512},
+}
+PORTS = ["clk", "rst", "i__valid", "i__ready", "i__payload", "o__valid", "o__ready", "o__payload", "base", "invalidate"]
+PORTS += ["latency", "bandwidth", "reorder", "interleave", "stall", "seed", "error_enable", "error_first", "error_last"]
+PORTS += ["violation", "read_bursts", "hits", "misses", "merges", "stalls", "evictions"]
+
+
+def verilog(cache: str, tag_width: int) -> str:
+    return convert(BlockCache(**CACHES[cache], tag_width=tag_width), "block_cache")
+
+
+def macros(cache: str, tag_width: int) -> dict[str, int]:
+    shape = CACHES[cache]
+    return {"TAG_BITS": tag_width, "DATA_BITS": shape["data_width"], "ID_BITS": number_width(shape["misses"])}
+
+
+def random_image(path: Path, blocks: int) -> Path:
+    path.write_bytes(np.random.default_rng(SEED).bytes(blocks * 64))
+    return path
+
+
+# --- on the memory of the simulations ---------------------------------------------------------------------------------
+
+
+def bench(folder: Path, simulator: str, cache: str, count: int, text: str | None = None, only: str = "") -> int:
+    """Runs verif/test_block_cache.py with `count` requests a test, or its tests whose names match `only`."""
+    base = 0x1000
+    image = random_image(folder / "image.bin", base // 64 + 2 * CACHES[cache]["sets"] * CACHES[cache]["ways"] + 100)
+    description = {"image": str(image), "base": base, "count": count, "seed": SEED}
+    description |= {name: CACHES[cache][name] for name in ("sets", "ways")}
+    defines = "".join(f"`define {name} {value}\n" for name, value in macros(cache, 16).items())
+    return run_cocotb(
+        "block_cache_system",
+        {
+            "block_cache_system.v": defines + SYSTEM.read_text(encoding="utf-8"),
+            "axi_memory.v": MEMORY.read_text(encoding="utf-8"),
+            "block_cache.v": verilog(cache, 16) if text is None else text,
+        },
+        simulator,
+        module="verif.test_block_cache",
+        public_ports=PORTS,
+        extra_env={"LIGHTLOOM_BENCH": json.dumps(description), **({"COCOTB_TEST_FILTER": only} if only else {})},
+        plusargs=[f"+image={image}"],
+        seed=SEED,
+        folder=folder,
+    )
+
+
+@pytest.mark.parametrize("simulator", SIMULATORS)
+def test_bench(simulator: str, tmp_path: Path) -> None:
+    assert bench(tmp_path, simulator, "small", {"verilator": 600, "icarus": 200}[simulator]) == 19
+
+
+@pytest.mark.parametrize("cache", CACHES)
+def test_hundreds_of_thousands_of_requests(cache: str, tmp_path: Path) -> None:
+    defines = [f"{name}={value}" for name, value in macros(cache, 10).items()]
+    harness = SIM / "block_cache_system.cpp"
+    binary = verilated.build(cache, verilog(cache, 10), top=SYSTEM, others=[MEMORY], harness=harness, defines=defines)
+    image = random_image(tmp_path / "image.bin", 9000)
+    few = 20 if cache == "least" else 1
+
+    def cycles(kind: str, count: int, *settings: int) -> int:
+        command = [str(binary), str(image), kind, str(count), *map(str, settings), f"+image={image}"]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert done.returncode == 0, f"{' '.join(command)}: {done.stderr}"
+        return int(done.stdout.split()[0])
+
+    # Stalls of both sides; latency, reorder, interleave, stalls of the memory.
+    for settings in [(7, 100, 64, 1, 60), (9, 0, 128, 1, 0), (0, 37, 90, 0, 128), (0, 100, 0, 0, 0)]:
+        cycles("rays", 100_000 // few, *settings)
+    if cache == "large":
+        # Half of the requests hit, and all misses are under way for about the latency: their number bounds the rate.
+        assert cycles("half", 100_000, 0, 100, 0, 0, 0) < 50_000 * 110 / CACHES[cache]["misses"]
+        assert cycles("apart", 50_000, 0, 100, 0, 0, 0) < 50_000 * 110 / CACHES[cache]["misses"]
+        # With a fast memory there is an answer every cycle, whether they hit or not.
+        assert cycles("apart", 50_000, 0, 0, 0, 0, 0) < 50_000 * 1.001
+        assert cycles("rays", 100_000, 0, 0, 0, 0, 0) < 100_000 * 1.01
+
+
+@needs_icarus
+@pytest.mark.icarus
+@pytest.mark.parametrize(
+    ("pattern", "mutant", "only", "message"),
+    [
+        (r"assign drain__valid = .*;", "assign drain__valid = 1'b0;", "errors", "hangs"),
+    ],
+)
+def test_bench_catches_a_broken_cache(pattern: str, mutant: str, only: str, message: str, tmp_path: Path) -> None:
+    text, count = re.subn(pattern, mutant, verilog("small", 16))
+    assert count == 1
+    with pytest.raises(BenchError, match=message):
+        bench(tmp_path, "icarus", "small", 200, text=text, only=only)
+
+
+# --- its rules, one by one --------------------------------------------------------------------------------------------
+
+
+class Run:
+    """Requests through a cache in Amaranth's simulator, one a cycle, answers always taken."""
+
+    def __init__(self, latency: int = 10, **shape: int):
+        self.cache = BlockCache(**({"misses": 8, "requests": 32, "tag_width": 12} | shape))
+        self.memory = AxiSlave(self.cache.m_axi, latency=latency, seed=SEED)
+        self.events: dict[str, list[int]] = {name: [] for name in ("hit", "miss", "merged", "stalled", "evicted")}
+        self.sent_at: list[int] = []
+        self.answers: dict[int, tuple[int, int, int]] = {}
+        """Request number to cycle, error, data."""
+        self.under_way: list[int] = []
+
+    def __call__(self, *phases: Iterable[int], between: Any = lambda ctx, phase: None) -> "Run":
+        """Requests the blocks of a phase, waits for all answers, calls `between`, and goes on with the next."""
+        simulator = Simulator(self.cache)
+        simulator.add_clock(1e-6)
+
+        async def testbench(ctx: Any) -> None:
+            await self._run(ctx, [list(phase) for phase in phases], between)
+
+        simulator.add_testbench(testbench)
+        simulator.run()
+        return self
+
+    async def _run(self, ctx: Any, phases: list[list[int]], between: Any) -> None:
+        cache, cycle, moved, number, waiting = self.cache, 0, 0, 0, 0
+        ctx.set(cache.o.ready, 1)
+        for index, phase in enumerate(phases):
+            blocks = list(phase)
+            while blocks or waiting or cycle < moved + 5:
+                ctx.set(cache.i.valid, int(bool(blocks)))
+                if blocks:
+                    ctx.set(cache.i.payload, {"block": blocks[0], "tag": number})
+                self.memory.drive(ctx)
+                self.memory.sample(ctx)
+                self.under_way.append(self.memory.under_way)
+                if ctx.get(cache.o.valid):
+                    answer = cache.o.payload
+                    tag = ctx.get(answer.tag)
+                    assert tag not in self.answers
+                    self.answers[tag] = (cycle, ctx.get(answer.error), ctx.get(answer.data))
+                    waiting, moved = waiting - 1, cycle
+                if blocks and ctx.get(cache.i.ready):
+                    blocks.pop(0)
+                    self.sent_at.append(cycle)
+                    number, waiting, moved = number + 1, waiting + 1, cycle
+                for name, cycles in self.events.items():
+                    if ctx.get(getattr(cache, name)):
+                        cycles.append(cycle)
+                await ctx.tick()
+                cycle += 1
+                assert cycle < moved + 1000, "hangs"
+            between(ctx, index)
+            await ctx.tick()
+            cycle += 1
+            ctx.set(cache.invalidate, 0)
+
+    def count(self) -> dict[str, int]:
+        return {name: len(cycles) for name, cycles in self.events.items()}
+
+
+def block_data(address: int) -> int:
+    return AxiSlave.word(address, 64)
+
+
+def same_set(sets: int, count: int) -> list[int]:
+    """Blocks of set 0, by the rule in docs/block_cache.md."""
+    bits = sets.bit_length() - 1
+
+    def set_of(block: int) -> int:
+        result = 0
+        while block:
+            result, block = result ^ block % sets, block >> bits
+        return result
+
+    return [block for block in range(sets * count * 2) if set_of(block) == 0][:count]
+
+
+def test_a_miss_then_hits() -> None:
+    run = Run(sets=4, ways=2)([5, 5, 5], [5, 5])
+    assert run.count() == {"hit": 2, "miss": 1, "merged": 2, "stalled": 0, "evicted": 0}
+    assert run.memory.reads == [5 * 64]
+    assert {answer[1:] for answer in run.answers.values()} == {(0, block_data(5 * 64))}
+    # The hits come 2 cycles after their requests; those that waited in successive cycles.
+    assert [run.answers[k][0] - run.sent_at[k] for k in (3, 4)] == [2, 2]
+    woken = sorted(run.answers[k][0] for k in range(3))
+    assert woken == list(range(woken[0], woken[0] + 3))
+    # Request, address 3 cycles later, the memory's latency, and 6 more to the answer.
+    assert woken[0] == run.sent_at[0] + 3 + 10 + 6
+
+
+def test_rays_that_wait_for_a_block_are_woken_together_while_others_hit() -> None:
+    run = Run(sets=4, ways=2)([1], [2, 2, 2, 2, 1, 1, 1, 1, 1])
+    assert run.count() == {"hit": 5, "miss": 2, "merged": 3, "stalled": 0, "evicted": 0}
+    hits, woken = ([run.answers[k][0] for k in numbers] for numbers in (range(5, 10), range(1, 5)))
+    assert max(hits) < min(woken), "hits wait for a miss"
+    assert max(woken) - min(woken) == 3
+
+
+def test_misses_are_under_way_at_once() -> None:
+    run = Run(latency=100, sets=16, ways=2, misses=6)([0] * 3, [k for j in range(60) for k in (0, 100 + j)])
+    assert run.memory.most_under_way == 6
+    steady = run.under_way[200:-150]
+    assert np.mean(steady) > 6 * 0.9
+    assert run.count()["hit"] == 60
+    assert run.count()["stalled"] > 500
+
+
+@pytest.mark.parametrize("short", [{"misses": 2}, {"requests": 2}, {"ways": 2, "sets": 2}])
+def test_what_runs_out_makes_requests_wait(short: dict[str, int]) -> None:
+    shape = {"sets": 8, "ways": 2, "misses": 8, "requests": 16} | short
+    blocks = same_set(2, 6) if "ways" in short else list(range(20, 26))
+    run = Run(**shape)(blocks)
+    assert run.count()["stalled"] > 10
+    assert run.memory.most_under_way == 2
+    assert [run.answers[k][2] for k in range(6)] == [block_data(64 * block) for block in blocks]
+
+
+def test_a_hit_behind_a_request_that_waits_is_not_lost() -> None:
+    run = Run(sets=2, ways=1, misses=1, requests=1)([0], [1, 2, 3, 3, 0, 0])
+    assert len(run.answers) == 7
+
+
+def test_blocks_that_were_hit_stay() -> None:
+    """The one line of the set that was never hit is given away again and again."""
+    first, second, third, *others = same_set(4, 24)
+    phases: list[list[int]] = [[first, second, third, others[0]], [first, second, third]]
+    for block in others[1:]:
+        phases += [[block]]
+    run = Run(sets=4, ways=4)(*phases, [first, second, third])
+    assert run.count()["hit"] == 6
+    assert run.count()["evicted"] == len(others) - 1
+    assert len(run.memory.reads) == 3 + len(others)
+
+
+def test_when_all_lines_were_hit_any_may_go() -> None:
+    """Over many sets of four lines that were all hit, a fifth block takes each of the four ways now and then, and the
+    others count as not used from then on."""
+    sets = 32
+    gone = []
+    columns = [list(range(sets * way, sets * (way + 1))) for way in range(5)]
+    run = Run(latency=1, sets=sets, ways=4, misses=32, requests=64)(
+        *columns[:4], *columns[:4], columns[4], *columns[:4]
+    )
+    # Blocks of column k are in all sets; in the last round a block misses where it was replaced.
+    for way in range(4):
+        before = 4 * sets + 4 * sets + sets + way * sets
+        gone.append(sum(run.answers[before + k][0] - run.sent_at[before + k] > 2 for k in range(sets)))
+    assert run.count()["evicted"] > sets
+    assert all(2 <= count <= 30 for count in gone), gone
+
+
+def test_a_line_is_not_given_away_while_it_is_awaited() -> None:
+    rng = random.Random(SEED)
+    run = Run(latency=12, sets=2, ways=2, misses=8, requests=32)([rng.randrange(12) for _ in range(150)])
+    counts = run.count()
+    assert counts["hit"] + counts["miss"] + counts["merged"] == 150
+    assert len(run.memory.reads) == counts["miss"]
+    rng = random.Random(SEED)
+    assert all(run.answers[k][2] == block_data(64 * rng.randrange(12)) for k in range(150))
+
+
+def test_errors_reach_all_that_wait_and_are_forgotten() -> None:
+    run = Run(sets=4, ways=2, data_width=128)
+    run.memory.bad = {7 * 64 + 16}  # the second of four beats
+
+    def mend(ctx: Any, phase: int) -> None:
+        if phase == 1:
+            run.memory.bad = set()
+
+    run([7, 6, 7], [7], [7, 7], [7], between=mend)
+    assert [run.answers[k][1] for k in range(7)] == [1, 0, 1, 1, 0, 0, 0]
+    assert run.answers[6][2] == block_data(7 * 64)
+    assert run.memory.reads.count(7 * 64) == 3
+
+
+def test_invalidate_forgets_all() -> None:
+    run = Run(sets=4, ways=2)
+
+    def move(ctx: Any, phase: int) -> None:
+        ctx.set(run.cache.invalidate, int(phase == 0))
+        ctx.set(run.cache.base, 0x4000)
+
+    run([1, 2, 3], [1, 2, 3], [1, 2, 3], between=move)
+    assert run.memory.reads == [64, 128, 192, 0x4040, 0x4080, 0x40C0]
+    assert run.answers[8][2] == block_data(0x40C0)
+
+
+def test_numbers_of_all_bits_are_told_apart() -> None:
+    """Blocks that differ in one bit of 32 are different blocks."""
+    blocks = [0xDEADBEEF ^ 1 << bit for bit in range(32)]
+    run = Run(sets=4, ways=16, misses=32, requests=64, latency=1)(blocks, blocks)
+    assert run.count()["miss"] >= 32
+    assert run.memory.reads[:32] == [64 * block for block in blocks]
+    assert all(run.answers[k][2] == block_data(64 * blocks[k % 32]) for k in range(64))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"sets": 3}, {"sets": 1}, {"ways": 0}, {"misses": 0}, {"requests": 0}, {"data_width": 48}, {"id_width": 2}],
+)
+def test_shapes_that_cannot_be_built(wrong: dict[str, int]) -> None:
+    with pytest.raises(ValueError, match=next(iter(wrong)) if "id_width" not in wrong else "ids"):
+        BlockCache(**({"sets": 4, "ways": 2, "misses": 8, "requests": 8, "tag_width": 4} | wrong))
+
+
+@pytest.mark.parametrize("cache", CACHES)
+def test_verilog_is_clean(cache: str, tmp_path: Path) -> None:
+    source = tmp_path / "block_cache.v"
+    source.write_text(verilog(cache, 9))
+    assert "initial" not in source.read_text()
+    assert lint(WAIVERS, source, top="block_cache") == ""
+
+
+@needs_icarus
+@pytest.mark.icarus
+def test_verilog_is_clean_for_icarus(tmp_path: Path) -> None:
+    source = tmp_path / "block_cache.v"
+    source.write_text(verilog("small", 9))
+    command = [toolchain.icarus(), "-g2001", "-Wall", "-tnull", "-s", "block_cache", str(source)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
