@@ -70,7 +70,7 @@ def triangle_blocks(rng: Generator, count: int = POOL) -> np.ndarray:
     blocks["count"] = np.where(rng.random(count) < 0.96, rng.integers(1, 3, count), rng.integers(0, 4, count))
     order = np.array([rng.permutation(4)[:3] for _ in range(count)])
     blocks["order"] = np.where(rng.random((count, 1)) < 0.9, order, rng.integers(0, 4, (count, 3)))
-    blocks["mask"] = np.where(rng.random((count, 2)) < 0.6, 0xFF, rng.integers(0, 256, (count, 2)))
+    blocks["mask"] = np.where(rng.random((count, 2)) < 0.5, 0xFF, rng.integers(0, 256, (count, 2)) & 0x49)
     blocks["primitive"] = rng.integers(0, 1 << 31, (count, 2)) >> rng.choice([0, 26], (count, 1))
     blocks["reserved"], blocks["reserved_high"] = rng.integers(0, 16, count), rng.integers(0, 1 << 32, count)
     return blocks
@@ -94,7 +94,7 @@ def leaf_rays(rng: Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
     out["rate"] = np.abs(direction).max(axis=1)
     out["scale"] = 256 + rng.integers(-8, 24, count)
     out["cull"] = rng.random(count) < 0.25
-    out["mask"] = np.where(rng.random(count) < 0.7, 0xFF, rng.integers(0, 256, count))
+    out["mask"] = np.where(rng.random(count) < 0.5, 0xFF, rng.integers(0, 256, count) & 0x51)
     out["any_hit"] = rng.random(count) < 0.3
     return out, prepared
 
