@@ -20,7 +20,7 @@ from golden_model.formats import (
     SCALE_BIAS,
     SLOPE_BITS,
 )
-from golden_model.ray_time import floor_scaled, ray_time
+from golden_model.ray_time import SIGNIFICAND, floor_scaled, ray_time
 
 FRACTION = 2
 """Bits of the ray's unit below a lattice unit, at coarseness 0."""
@@ -31,10 +31,10 @@ UNDERFLOW = -26
 """The pad for underflow is 2**UNDERFLOW * (1 + longest component of the direction), in the scene's unit."""
 BLIND_SHIFT = 20
 """A pad for underflow of 2**20 units or more exceeds its field: the ray then enters every box."""
+INFINITE = 255
+"""The exponent of an infinity. Where origin - lattice_origin overflows to one, the ray is blind too."""
 STEEPEST = 27
 """From this steepness on every distance that is not zero saturates."""
-ONE = 1 << (SLOPE_BITS - 1)
-"""A slope of 1."""
 COARSEST = 31
 """From this coarseness on (in fact from 24 on) the whole lattice lies within one unit of the ray."""
 
@@ -51,7 +51,7 @@ def box_setup(rays: np.ndarray) -> np.ndarray:
 
     moved = float_add(rays["origin"], rays["lattice_origin"], subtract=True)
     greatest = _exponent(moved).max(axis=1)
-    coarseness = np.maximum(greatest - (126 + LATTICE_BITS) - lattice, 0)
+    coarseness = coarseness_of(greatest - 126, lattice, LATTICE_BITS)
     scale = FRACTION - coarseness - lattice
     for k in range(3):
         out["position"][:, k] = POSITION_BIAS + floor_scaled(
@@ -64,24 +64,37 @@ def box_setup(rays: np.ndarray) -> np.ndarray:
     out["rate"] = rate
     # 1 + longest is at most 2**(1 + max(0, exponent + 1)).
     shift = UNDERFLOW + 1 + np.maximum(_exponent(rate) - 126, 0) + scale
-    out["blind"] = shift >= BLIND_SHIFT
-    out["pad"] = np.where(shift >= BLIND_SHIFT, 0, PAD + (1 << np.clip(shift, 0, BLIND_SHIFT - 1)))
+    blind = (shift >= BLIND_SHIFT) | (greatest == INFINITE)
+    out["blind"] = blind
+    out["pad"] = np.where(blind, 0, PAD + (1 << np.clip(shift, 0, BLIND_SHIFT - 1)))
 
     out["backwards"] = np.signbit(rays["direction"])
     for k in range(3):
         ratio = np.abs(float_multiply(rate, rays["inverse"][:, k]))
         pattern = ratio.view(np.int32).astype(np.int64)
-        steepness = (pattern >> 23) - 127
-        # The dominant axis is 1 by definition; rounding may have made another ratio a little less.
-        level = (axis == k) | (steepness < 0)
-        slope = (pattern & 0x7FFFFF | 0x800000) >> (24 - SLOPE_BITS)
-        out["slope"][:, k] = np.where(level, ONE, slope)
-        out["steepness"][:, k] = np.where(level, 0, np.minimum(steepness, STEEPEST))
+        significand, exponent = pattern & 0x7FFFFF | 0x800000, (pattern >> 23) - 127
+        slope, steepness = slope_of(significand, exponent, axis == k, SIGNIFICAND, SLOPE_BITS)
+        out["slope"][:, k], out["steepness"][:, k] = slope, np.minimum(steepness, STEEPEST)
 
     times = np.zeros(len(rays), dtype=RAY_TIME)
     times["t"], times["rate"], times["scale"] = rays["t_min"], rate, out["scale"]
     out["t_min"] = ray_time(times)["low"]
     return out
+
+
+def coarseness_of(end: np.ndarray, lattice_exponent: np.ndarray | int, lattice_bits: int) -> np.ndarray:
+    """The coarseness of rays whose distance from the lattice's origin is less than 2**end on every axis."""
+    return np.maximum(end - lattice_bits - lattice_exponent, 0)
+
+
+def slope_of(
+    significand: np.ndarray, exponent: np.ndarray, dominant: np.ndarray | bool, significand_bits: int, slope_bits: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Slope and steepness, rounded down, of the ratio significand / 2**(significand_bits - 1) * 2**exponent."""
+    # The dominant axis is 1 by definition; rounding may have made another ratio a little less.
+    level = dominant | (exponent < 0)
+    slope = np.where(level, 1 << (slope_bits - 1), significand >> (significand_bits - slope_bits))
+    return slope, np.where(level, 0, exponent)
 
 
 def _exponent(x: np.ndarray) -> np.ndarray:

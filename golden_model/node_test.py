@@ -21,7 +21,6 @@ from golden_model.formats import (
     NODE_HITS,
     POSITION_BIAS,
     SLOPE_BITS,
-    TIME_BIAS,
     TIME_BITS,
     WIDTH,
 )

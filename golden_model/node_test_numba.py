@@ -38,7 +38,7 @@ COMPILED_RAY = plain(BOX_RAY)
 
 @compiled
 def cut(ray: Any, node: Any, axis: int, lower: Any, upper: Any, entries: Any, leaves: Any, count: int) -> None:
-    """Raises `entries` and lowers `leaves` of the first `count` slots to where the ray meets their planes of an axis."""
+    """Raises `entries` and lowers `leaves` of the first `count` slots to where it meets an axis's planes."""
     backwards = np.int64(ray.backwards[axis])
     slope, steepness = np.int64(ray.slope[axis]), np.int64(ray.steepness[axis])
     coarseness, pad = np.int64(ray.coarseness), np.int64(ray.pad)

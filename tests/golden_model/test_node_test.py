@@ -1,5 +1,7 @@
 """What the node test is beyond being conservative (`test_node_test_exact.py`): order, limits, and its compiled twin."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -67,7 +69,7 @@ def test_the_compiled_twin_agrees(family: str) -> None:
     from golden_model.node_test_numba import COMPILED_RAY, compiled, node_hits
 
     @compiled
-    def all_hits(rays, times, nodes, counts, slots, entries):  # type: ignore[no-untyped-def]
+    def all_hits(rays: Any, times: Any, nodes: Any, counts: Any, slots: Any, entries: Any) -> None:
         for k in range(len(rays)):
             counts[k] = node_hits(rays[k], times[k], nodes[k], slots[k], entries[k])
 
