@@ -27,7 +27,7 @@ from golden_model.formats import (
     WIDTH,
 )
 from golden_model.node_test_numba import COMPILED_RAY, node_hits
-from golden_model.ray_time import ABOVE, TIME_MAX
+from golden_model.ray_time import ABOVE, SIGNIFICAND, TIME_MAX
 from golden_model.traversal_numba import cached, compiled, flush, intersect_triangle
 from golden_model.tree_blocks import UNREADABLE, TreeBlocks
 
@@ -56,9 +56,8 @@ LIMITS = np.dtype(
 )
 """Of the header what traversal needs, and the entries that a stack has room for."""
 
-LIMIT = np.int64(1 << (TIME_BITS - 1))
-SHIFT = 150 - (24 - (TIME_BITS - 1))
-"""24 bits of significand with a greater exponent (biased, scaled) are more than a time has."""
+MOST = TIME_BITS - 1 - SIGNIFICAND
+"""Shifted left by more than this, a significand has more bits than a distance."""
 NO_ERROR = np.int64(TRACE_ERRORS["none"])
 MEMORY = np.int64(TRACE_ERRORS["memory"])
 OUTSIDE = np.int64(TRACE_ERRORS["outside"])
@@ -71,18 +70,17 @@ HEADER = np.int64(TRACE_ERRORS["header"])
 def distance_of(t: Any, rate: Any, scale: Any) -> Any:
     """`ray_time.ray_time`: `high` alone."""
     product = flush(flush(t) * flush(rate))
-    if np.isnan(product):
+    if not np.isfinite(product):
         return np.int64(TIME_MAX)
     pattern = np.int64(np.float32(product).view(np.int32))
-    negative = pattern < 0
     exponent = (pattern >> 23) & 0xFF
     significand = (pattern & 0x7FFFFF) | 0x800000 if exponent > 0 else np.int64(0)
-    exponent += np.int64(scale) - SCALE_BIAS
-    if significand > 0 and exponent > SHIFT:
-        distance = -LIMIT if negative else LIMIT - 1
+    shift = exponent - 150 + np.int64(scale) - SCALE_BIAS
+    if significand > 0 and shift > MOST:
+        distance = -TIME_BIAS if pattern < 0 else TIME_BIAS - 1
     else:
-        signed = -significand if negative else significand
-        distance = signed >> min(max(150 - exponent, np.int64(0)), np.int64(31))
+        signed = -significand if pattern < 0 else significand
+        distance = signed >> min(max(-shift, np.int64(0)), np.int64(31))
     return min(distance + TIME_BIAS + ABOVE, np.int64(TIME_MAX))
 
 
