@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gen.verilog import verilog_of
 from golden_model import bitpack
 from golden_model.errors import InputError
 from golden_model.formats import BLOCK_BYTES, RAY_QUERY, RAY_RESULT
 from rtl.config import PRESETS, Config
 from sim import verilated
+from sim.emitted import emitted
 
 HERE = Path(__file__).parent
 TOP, HARNESS, MEMORY = (HERE / name for name in ("traversal_run.v", "traversal_run.cpp", "axi_memory.v"))
@@ -63,7 +63,7 @@ class TraversalUnit:
     def __init__(self, config: Config = PRESETS["base"], *, memory_bits: int = 27, verilog: str | None = None):
         self.config = config
         self._memory_bytes = 1 << memory_bits
-        verilog = verilog_of("traversal", config) if verilog is None else verilog
+        verilog = emitted("traversal", config) if verilog is None else verilog
         ports = port_widths(verilog, "traversal")
         self._counters = [name.removeprefix("count_") for name in ports if name.startswith("count_")]
         self._counters.remove("clear")

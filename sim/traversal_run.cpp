@@ -8,19 +8,20 @@
 // cycles that may pass without a ray taken or a result given.
 //
 // Prints "name value" lines: load_error; cycles, from the first ray taken to the last result; bursts, beats, busy_cycles
-// of the memory in that time; most_in_flight, rays; simulated, cycles of the whole run, and its seconds; counter, in the
-// order of the top's port.
+// of the memory in that time; most_in_flight, rays; simulated, cycles of the whole run, and the seconds of processor
+// time for them; counter, in the order of the top's port.
 // Exits with 1 and one line on stderr where a tag is not that of a ray under way, a result is missing or too many,
 // nothing moves any more, or the unit breaks a rule of AXI.
 //
 // PROGRESS are the numbers of the counters one of which moves where the unit works on long rays.
 
-#include <chrono>
+#include <algorithm>
 #include <cinttypes>
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
 #include <vector>
 
 #include "Vtraversal_run.h"
@@ -36,6 +37,7 @@ constexpr uint64_t STUCK_CYCLES = 200000;  // far more than any answer of the me
 constexpr uint64_t LOOK_EVERY = 4096;      // cycles
 constexpr uint64_t TAIL_CYCLES = 1024;     // after the last result, to catch one too many
 constexpr uint64_t NO_RAY = ~uint64_t{0};
+constexpr const char* STILL = "oldest ray in the unit, results";
 
 [[noreturn]] void fail(const char* what, uint64_t first, uint64_t second, const char* names) {
     std::fprintf(stderr, "%s (%s %" PRIu64 ", %" PRIu64 ")\n", what, names, first, second);
@@ -79,6 +81,9 @@ class Tags {
         ray_[tag] = ray;
         return tag;
     }
+
+    // The first ray that has not come back, NO_RAY if there is none.
+    uint64_t oldest() const { return *std::min_element(ray_.begin(), ray_.end()); }
 
     // The ray that had the tag, NO_RAY if none has.
     uint64_t give_back(uint64_t tag) {
@@ -147,7 +152,6 @@ int main(int argc, char** argv) {
     const auto* queries = static_cast<const uint32_t*>(harness::map(argv[1], count * Query::ROW * 4, false));
     auto* results = static_cast<uint32_t*>(harness::map(argv[2], count * Result::ROW * 4, true));
 
-    const auto start = std::chrono::steady_clock::now();
     VerilatedContext context;
     context.commandArgs(argc, argv);
     Vtraversal_run run{&context};
@@ -162,6 +166,7 @@ int main(int argc, char** argv) {
     uint64_t memory[3] = {bursts, beats, busy};
     uint64_t sent = 0, received = 0, most = 0, cycle = 0, first = 0, last = 0, moved = 0, stirred = 0, before = 0;
     bool offered = false;
+    const std::clock_t start = std::clock();
     for (uint64_t tail = 0; received < count || tail < TAIL_CYCLES; ++cycle) {
         if (!offered && sent < count && tags.any() && give.next()) {
             query.put(queries + sent * Query::ROW, tags.take(sent));
@@ -193,18 +198,18 @@ int main(int argc, char** argv) {
             const uint64_t now = progress(run);
             if (now != before) stirred = cycle, before = now;
             if (cycle - moved > STUCK_CYCLES && cycle - stirred > STUCK_CYCLES)
-                fail("the unit hangs: no ray, result, test or beat of the memory moves", sent, received, "rays, results");
+                fail("the unit hangs: no ray, result, test or beat of the memory moves", tags.oldest(), received, STILL);
             if (cycle - moved > patience)
-                fail("the unit gives no result for longer than the whole tree takes", sent, received, "rays, results");
+                fail("the unit gives no result for longer than the whole tree takes", tags.oldest(), received, STILL);
         }
     }
     if (run.violation) { std::fprintf(stderr, "the unit breaks a rule of AXI\n"); return 1; }
 
-    const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
+    const double seconds = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
     std::printf("load_error %" PRIu64 "\ncycles %" PRIu64 "\n", load_error, count == 0 ? 0 : last - first);
     std::printf("bursts %" PRIu64 "\nbeats %" PRIu64 "\nbusy_cycles %" PRIu64 "\nmost_in_flight %" PRIu64 "\n",
                 memory[0] - bursts, memory[1] - beats, memory[2] - busy, most);
-    std::printf("simulated %" PRIu64 "\nseconds %.9f\n", cycle, seconds.count());
+    std::printf("simulated %" PRIu64 "\nseconds %.9f\n", cycle, seconds);
     Counters counters;
     counters.from(run.counters);
     for (unsigned k = 0; k < COUNTER_NUMBER; ++k)
