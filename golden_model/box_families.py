@@ -205,8 +205,24 @@ def origins(where: Boxes, rng: Generator) -> np.ndarray:
 # --- families ---------------------------------------------------------------------------------------------------------
 
 
+def as_in_trees(count: int, rng: Generator) -> Cases:
+    """Nodes as trees have them, their boxes about half as long each as the node's, and rays that enter such a node."""
+    exponents = np.clip(rng.integers(4, 13, (count, 1)) + rng.integers(-1, 2, (count, 3)), 0, NODE_EXPONENT_MAX)
+    nodes = blocks(count, rng, exponents=exponents)
+    room = np.minimum(((1 << LATTICE_BITS) - 1 - nodes["origin"].astype(np.int64)) >> exponents, LAST)[:, None]
+    thick = (room * rng.uniform(0.25, 0.75, (count, WIDTH, 3))).astype(np.int64)
+    first = (rng.random((count, WIDTH, 3)) * (room - thick + 1)).astype(np.int64)
+    for k, axis in enumerate(AXES):
+        nodes[f"lower_{axis}"], nodes[f"upper_{axis}"] = first[:, :, k], (first + thick)[:, :, k]
+    where = boxes(count, rng, nodes=nodes, away=2)
+    origin = where.world(rng.random((count, 3)) * (1 << LATTICE_BITS))
+    corner = nodes["origin"].astype(np.int64)
+    target = where.world(corner + rng.random((count, 3)) * (room[:, 0] << exponents))
+    return cases(where, origin, lengths(target - origin, rng))
+
+
 def anywhere(count: int, rng: Generator) -> Cases:
-    """From points in the lattice in all directions: what a tree sees, but for the choice of nodes."""
+    """From points in the lattice in all directions, past boxes of all sizes."""
     where = boxes(count, rng)
     origin = where.world(rng.random((count, 3)) * (1 << LATTICE_BITS))
     return cases(where, origin, lengths(rng.uniform(-1, 1, (count, 3)), rng))
@@ -394,6 +410,7 @@ def limits(count: int, rng: Generator) -> Cases:
 BOX_FAMILIES: dict[str, Callable[[int, Generator], Cases]] = {
     family.__name__: family
     for family in (
+        as_in_trees,
         anywhere,
         aimed,
         grazing,

@@ -61,7 +61,7 @@ def node_hits(ray: Any, t_max: Any, node: Any, slots: Any, entries: Any) -> int:
     `bitpack.unpack` gives it. `slots` and `entries`, int64 (WIDTH,), take the result; beyond the count they mean
     nothing.
     """
-    count = min(np.int64(node.count), WIDTH)
+    count: int = min(int(node.count), WIDTH)
     if ray.blind:
         for slot in range(count):
             slots[slot], entries[slot] = slot, 0
