@@ -4,7 +4,6 @@
 
 from amaranth import Module, Mux, Signal
 from amaranth.lib import data, wiring
-from amaranth.lib.fifo import SyncFIFOBuffered
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
@@ -12,6 +11,7 @@ from golden_model.formats import HIT, LEAF_RAY, TIME_BITS, TRIANGLE_HIT
 from rtl.config import Config
 from rtl.layouts import layout_of
 from rtl.operators.float_compare import compare
+from rtl.queues import Queue, number_width
 from rtl.ray_time import RayTime
 
 ERROR_BITS = 3
@@ -22,7 +22,7 @@ TIMED = ("t_max", "rate", "scale")
 
 def context_bits(config: Config) -> int:
     """Bits of a context's number."""
-    return (config.contexts - 1).bit_length()
+    return number_width(config.contexts)
 
 
 def beside_layout(config: Config) -> data.StructLayout:
@@ -154,15 +154,15 @@ class BestHits(wiring.Component):
         m.submodules.timed = timed = Memory(shape=self._timed, depth=self._contexts, init=[])
         m.submodules.times = times = Memory(shape=TIME_BITS, depth=self._contexts, init=[])
         # Starts wait for a cycle without a better hit, each context at most once.
-        m.submodules.starting = starting = SyncFIFOBuffered(width=context, depth=self._contexts)
+        m.submodules.starting = starting = Queue(context, self._contexts)
         timed_write, timed_read = timed.write_port(), timed.read_port()
         m.d.comb += [
             timed_write.en.eq(self.start.valid),
             timed_write.addr.eq(start.context),
-            starting.w_en.eq(self.start.valid),
-            starting.w_data.eq(start.context),
-            starting.r_en.eq(starting.r_rdy & ~better),
-            timed_read.addr.eq(Mux(better, result.context, starting.r_data)),
+            starting.i.valid.eq(self.start.valid),
+            starting.i.payload.eq(start.context),
+            starting.o.ready.eq(~better),
+            timed_read.addr.eq(Mux(better, result.context, starting.o.payload)),
         ]
         m.d.comb += [timed_write.data[name].eq(start[name]) for name in TIMED]
 
@@ -180,7 +180,7 @@ class BestHits(wiring.Component):
             late.hit.eq(hit | hit_before),
             late.error.eq(result.error),
             strobes.better.eq(better),
-            strobes.started.eq(starting.r_en),
+            strobes.started.eq(starting.o.valid & ~better),
             strobes.done.eq(self.result.valid & result.last),
         ]
         t, is_better = Signal(32, reset_less=True), Signal(reset_less=True)
