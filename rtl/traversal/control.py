@@ -24,7 +24,7 @@ from rtl.traversal.records import (
     node_visit,
     strobe,
 )
-from rtl.traversal.stacks import PENDING, Stacks
+from rtl.traversal.stacks import LISTS, Stacks
 
 
 class Control(wiring.Component):
@@ -90,7 +90,7 @@ class Control(wiring.Component):
         strict = Signal(contexts)  # one visit at a time
         outstanding = Counts("outstanding", contexts, config.overlap)
         height = Counts("height", contexts, config.stack)
-        pending = Counts("pending", contexts, PENDING)  # lists on their way to the stack
+        pending = Counts("pending", contexts, LISTS)  # lists on their way to the stack
 
         def mask(name: str, value: Value) -> Signal:
             result = Signal(contexts, name=name)

@@ -1,19 +1,17 @@
 """The stacks of a traversal unit, one a context, all in one RAM."""
 
-from amaranth import Module, Mux, Signal
-from amaranth.lib import data, stream, wiring
+from amaranth import Module, Mux, Signal, Value
+from amaranth.lib import stream, wiring
+from amaranth.lib.fifo import SyncFIFOBuffered
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
 from rtl.config import Config
-from rtl.queues import Queue
 from rtl.traversal.best_hits import context_bits
 from rtl.traversal.records import RANK_BITS, STACK_ENTRY, height_bits, push_list
 
-LISTS = 4
-"""Lists that wait to be written: a node seldom leaves more than one entry, and then the nodes after it leave none."""
-PENDING = LISTS + 1
-"""The greatest number of lists inside."""
+LISTS = 5
+"""Lists inside: a node seldom leaves more than one entry, and then the nodes after it leave none."""
 
 
 class Stacks(wiring.Component):
@@ -51,29 +49,33 @@ class Stacks(wiring.Component):
         m = Module()
         m.submodules.entries = entries = Memory(shape=STACK_ENTRY, depth=self._contexts * self._stack, init=[])
         write, read = entries.write_port(), entries.read_port()
-        m.submodules.lists = lists = Queue(self.push.payload.shape(), LISTS)
-        wiring.connect(m, wiring.flipped(self.push), lists.i)
-
-        item: data.View = lists.o.payload
+        pushed = self.push.payload
+        m.submodules.lists = lists = SyncFIFOBuffered(width=len(Value.cast(pushed)), depth=LISTS)
+        m.d.comb += [
+            lists.w_data.eq(Value.cast(pushed)),
+            lists.w_en.eq(self.push.valid),
+            self.push.ready.eq(lists.w_rdy),
+        ]
+        item = pushed.shape()(lists.r_data)
         done = Signal(RANK_BITS)  # entries of this list that are written
         index = Signal(RANK_BITS)
         last = Signal()
         m.d.comb += [
             index.eq(item.last - done),
             last.eq(index == item.first),
-            lists.o.ready.eq(last),
-            write.en.eq(lists.o.valid),
+            lists.r_en.eq(last),
+            write.en.eq(lists.r_rdy),
             write.addr.eq(item.context * self._stack + item.height + done),
             write.data.entry.eq(item.entry[index]),
             write.data.address.eq(item.base + Mux(item.again, 0, item.slot[index])),
             write.data.leaf.eq(~item.again & item.leaf.bit_select(item.slot[index], 1)),
             write.data.rank.eq(Mux(item.again, item.first, 0)),
-            self.written.valid.eq(lists.o.valid & last),
+            self.written.valid.eq(lists.r_rdy & last),
             self.written.context.eq(item.context),
             read.en.eq(self.read.en),
             read.addr.eq(self.read.context * self._stack + self.read.position),
             self.read.entry.eq(read.data),
         ]
-        with m.If(lists.o.valid):
+        with m.If(lists.r_rdy):
             m.d.sync += done.eq(Mux(last, 0, done + 1))
         return m
