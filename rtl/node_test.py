@@ -224,7 +224,8 @@ def scaled(product: Value) -> Value:
 
 def bits_beyond(steepness: Value) -> Value:
     """Ones where a bit of a distance other than its sign is shifted too far to have a place in a time."""
-    return Cat(steepness >= TIME_BITS - 1 - place for place in range(SUM_BITS - 1))
+    limits = (max(TIME_BITS - 1 - place, 0) for place in range(SUM_BITS - 1))
+    return Cat(steepness >= limit if limit else Const(1, 1) for limit in limits)
 
 
 def steepened(distance: Value, steepness: Value, beyond: Value) -> Value:
