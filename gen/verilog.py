@@ -5,12 +5,14 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from amaranth.hdl import ClockDomain, ClockSignal, Fragment, Instance, Signal, Value
+from amaranth.hdl import ClockDomain, ClockSignal, Fragment, Instance, ResetSignal, Signal, Value
 from amaranth.lib import data, wiring
+from amaranth.lib.wiring import In
 
 from rtl.catalogue import CATALOGUE
 from rtl.config import Config
 from rtl.pipeline import Core, StreamUnit
+from rtl.traversal.unit import Traversal
 
 # The Yosys wheel, never a Yosys of the host: the text must not depend on the machine.
 os.environ["AMARANTH_USE_YOSYS"] = "builtin"
@@ -55,6 +57,8 @@ attrmap -remove unused_bits
 write_verilog -noparallelcase
 """
 
+Shared = Core | Traversal
+
 AXI = "m_axi"
 """The member of a component's signature that is its AXI4 interface."""
 
@@ -70,11 +74,11 @@ def verilog_of(unit: str, config: Config) -> str:
 def convert(component: wiring.Component, name: str) -> str:
     """The Verilog of a component, as module `name`; the modules that it is made of are named `name`_…"""
     fragment = Fragment.get(component, None)
-    cores: dict[str, tuple[Core, Fragment]] = {}
-    _share_cores(fragment, name, cores)
-    ports = {port: value for port, _, value in ports_of(component)}
-    texts = [_rtlil(fragment, name, ClockDomain("sync"), ports)]
-    texts += [_core_rtlil(part, module, core) for module, (core, part) in cores.items()]
+    shared: dict[str, tuple[Shared, Fragment]] = {}
+    _share(fragment, name, shared)
+    texts = [_component_rtlil(fragment, name, component)]
+    for module, (one, part) in shared.items():
+        texts.append((_core_rtlil if isinstance(one, Core) else _component_rtlil)(part, module, one))
     purged = f"* {name} %d" if isinstance(component, StreamUnit) else "*"
     script = SCRIPT.format(rtlil="\n".join(texts), top=name, purged=purged)
     # Amaranth ignores Yosys's warnings too: they are about processes, which are gone before anything is written.
@@ -90,26 +94,38 @@ def ports_of(component: wiring.Component) -> Iterator[tuple[str, wiring.Member, 
         yield ("_" if path[0] == AXI else "__").join(map(str, path)), member, Value.cast(value)
 
 
-def _share_cores(fragment: Fragment, top: str, cores: dict[str, tuple[Core, Fragment]]) -> None:
-    """Replaces every core below `fragment` by an instance of one module for all cores of its function and latency.
+def _share(fragment: Fragment, top: str, shared: dict[str, tuple[Shared, Fragment]]) -> None:
+    """Replaces what is there several times below `fragment` by instances of one module.
 
-    Otherwise Amaranth writes a module for each of the 40 operators in a ray-triangle unit, which takes most of the
-    time and makes the text five times as long. Fills `cores`: module name to a core and its logic.
+    These are the cores of one function and latency, and traversal units. Otherwise Amaranth writes a module for each
+    of the 40 operators in a ray-triangle unit, which takes most of the time and makes the text five times as long.
+    Fills `shared`: module name to a component and its logic.
     """
     for index, (part, instance_name, location) in enumerate(fragment.subfragments):
-        core = part.origins[0] if part.origins else None
-        if not isinstance(core, Core):
-            _share_cores(part, top, cores)
+        one = part.origins[0] if part.origins else None
+        if isinstance(one, Core):
+            module = f"{top}_core" if one.unit.name == top else f"{top}_{one.unit.name}_depth{one.latency}"
+            ports = {"i_en": one.en}
+            ports |= {f"i_i_{name}": value for name, value in _fields(one.i)}
+            ports |= {f"o_o_{name}": value for name, value in _fields(one.o)}
+        elif isinstance(one, Traversal):
+            module = f"{top}_unit"
+            ports = {"i_rst": ResetSignal()}
+            for name, member, value in ports_of(one):
+                ports[f"{'i' if member.flow == In else 'o'}_{name}"] = value
+        else:
+            _share(part, top, shared)
             continue
-        module = f"{top}_core" if core.unit.name == top else f"{top}_{core.unit.name}_depth{core.latency}"
-        if module not in cores:
-            _share_cores(part, top, cores)
-            cores[module] = (core, part)
-        assert type(cores[module][0]) is type(core), f"{module} would stand for two different cores"
-        ports = {f"i_i_{name}": value for name, value in _fields(core.i)}
-        ports |= {f"o_o_{name}": value for name, value in _fields(core.o)}
-        instance = Instance(module, i_clk=ClockSignal(), i_en=core.en, **ports)
-        fragment.subfragments[index] = (instance, instance_name, location)
+        if module not in shared:
+            _share(part, top, shared)
+            shared[module] = (one, part)
+        assert type(shared[module][0]) is type(one), f"{module} would stand for two different components"
+        fragment.subfragments[index] = (Instance(module, i_clk=ClockSignal(), **ports), instance_name, location)
+
+
+def _component_rtlil(fragment: Fragment, name: str, component: wiring.Component) -> str:
+    """A component as a module with its ports, its clock and its reset."""
+    return _rtlil(fragment, name, ClockDomain("sync"), {port: value for port, _, value in ports_of(component)})
 
 
 def _core_rtlil(fragment: Fragment, name: str, core: Core) -> str:

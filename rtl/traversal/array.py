@@ -1,0 +1,101 @@
+# amaranth: UnusedElaboratable=no
+# (an array is also made only to ask for its ports)
+"""Several traversal units that share one stream of rays, one of results and one memory port."""
+
+from amaranth import Cat, Const, Module, Mux, Signal, Value
+from amaranth.lib import stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from golden_model.formats import RAY_QUERY, RAY_RESULT
+from rtl.axi_read_arbiter import AxiReadArbiter
+from rtl.block_lines import any_of
+from rtl.config import Config
+from rtl.layouts import packet_of
+from rtl.queues import Buffer
+from rtl.traversal.counters import COUNTER_BITS, COUNTERS
+from rtl.traversal.masks import next_of
+from rtl.traversal.unit import Traversal
+
+
+def traversal(config: Config) -> wiring.Component:
+    """`config.units` traversal units behind the ports of one."""
+    return Traversal(config) if config.units == 1 else TraversalArray(config)
+
+
+class TraversalArray(wiring.Component):
+    """`config.units` units, at least two, with the ports of one (`rtl.traversal.unit`).
+
+    A ray goes to a unit that is ready, results come from one that has one, both in turn. Results pass a buffer, and so
+    do the memory port's channels: a cycle each. `loaded` is high when all units have loaded the tree, `load_error` is
+    that of the first unit that has one. The counters are the sums of the units', a cycle later: `count_cycles` counts
+    the cycles of each.
+    """
+
+    def __init__(self, config: Config):
+        if config.units < 2:
+            raise ValueError(f"an array has at least two units, not {config.units}")
+        self._units = [Traversal(config) for _ in range(config.units)]
+        unit = self._units[0]
+        axi = unit.m_axi.signature
+        self._arbiter = AxiReadArbiter(
+            config.units, address_width=axi.address_width, data_width=axi.data_width, id_width=axi.id_width
+        )
+        self._result = packet_of(RAY_RESULT, config.tag_width)
+        super().__init__(
+            {
+                "i": In(stream.Signature(packet_of(RAY_QUERY, config.tag_width))),
+                "o": Out(stream.Signature(self._result)),
+                "m_axi": Out(self._arbiter.m_axi.signature),
+                "load": In(1),
+                "base": In(config.address_width),
+                "loaded": Out(1),
+                "load_error": Out(len(unit.load_error)),
+                "overlap": In(len(unit.overlap)),
+                "count_clear": In(1),
+                **{f"count_{name}": Out(COUNTER_BITS) for name in COUNTERS},
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        units = self._units
+        m.submodules.arbiter = arbiter = self._arbiter
+        for k, unit in enumerate(units):
+            m.submodules[f"unit{k}"] = unit
+            wiring.connect(m, unit.m_axi, arbiter.masters[k])
+            m.d.comb += [
+                unit.load.eq(self.load),
+                unit.base.eq(self.base),
+                unit.overlap.eq(self.overlap),
+                unit.count_clear.eq(self.count_clear),
+            ]
+        wiring.connect(m, arbiter.m_axi, wiring.flipped(self.m_axi))
+
+        # A unit is only ever offered a ray while it is ready, so no offer is withdrawn.
+        takes = Signal()
+        chosen = next_of(m, "taker", Cat(unit.i.ready for unit in units), takes)
+        m.d.comb += [self.i.ready.eq(chosen.any()), takes.eq(self.i.valid & self.i.ready)]
+        for k, unit in enumerate(units):
+            m.d.comb += [unit.i.payload.eq(self.i.payload), unit.i.valid.eq(self.i.valid & chosen[k])]
+
+        # The buffer's `ready` does not wait for `valid`, so that the choice may change until a result is taken.
+        m.submodules.results = results = Buffer(self._result)
+        gives = Signal()
+        chosen = next_of(m, "giver", Cat(unit.o.valid for unit in units), gives)
+        each = [Mux(chosen[k], Value.cast(unit.o.payload), 0) for k, unit in enumerate(units)]
+        m.d.comb += [
+            results.i.valid.eq(chosen.any()),
+            Value.cast(results.i.payload).eq(any_of(each)),
+            gives.eq(results.i.valid & results.i.ready),
+        ]
+        m.d.comb += [unit.o.ready.eq(chosen[k] & results.i.ready) for k, unit in enumerate(units)]
+        wiring.connect(m, results.o, wiring.flipped(self.o))
+
+        m.d.comb += self.loaded.eq(Cat(unit.loaded for unit in units).all())
+        for unit in reversed(units):
+            with m.If(unit.load_error != 0):
+                m.d.comb += self.load_error.eq(unit.load_error)
+        for name in COUNTERS:
+            count = f"count_{name}"
+            m.d.sync += getattr(self, count).eq(sum((getattr(unit, count) for unit in units), Const(0)))
+        return m
