@@ -9,6 +9,8 @@ from golden_model.formats import HIT
 
 BATCH = 1 << 18
 """Rays at a time in the golden model: what the progress bar moves by."""
+RTL_BATCH = 1 << 15
+"""Rays at a time in the Verilog, for the same reason."""
 
 
 class Tracer(Protocol):
@@ -36,13 +38,26 @@ def golden_tracer(triangles: np.ndarray) -> Tracer:
 
 
 def rtl_tracer(triangles: np.ndarray) -> Tracer:
-    """Every ray against every triangle of TRIANGLE (T,), through the Verilated ray_setup and ray_triangle units."""
-    from golden_model.brute_force import trace_brute_force
-    from sim.bulk import BulkUnit
+    """The Verilated traversal unit on a tree over TRIANGLE (T,) in its memory."""
+    from golden_model.wide_bvh import build_wide
+    from golden_model.wide_traversal import queries_of
+    from rtl.config import PRESETS
+    from sim.traversal import TraversalError, TraversalUnit, memory_bits
 
-    setup, unit = BulkUnit("ray_setup"), BulkUnit("ray_triangle")
+    config = PRESETS["base"]
+    blocks = build_wide(triangles, width=config.width, max_levels=config.stack).blocks
+    unit = TraversalUnit(config, memory_bits=memory_bits(blocks))
 
     def tracer(rays: np.ndarray, *, any_hit: bool, advance: Callable[[float], None]) -> np.ndarray:
-        return trace_brute_force(triangles, rays, any_hit=any_hit, setup=setup.run, intersect=unit.run, advance=advance)
+        hits = np.zeros(len(rays), dtype=HIT)
+        for start in range(0, len(rays), RTL_BATCH):
+            part = rays[start : start + RTL_BATCH]
+            results = unit.run(blocks, queries_of(part, any_hit=any_hit)).results
+            if results["error"].any():
+                raise TraversalError(f"traversal: a ray failed: {results[results['error'] != 0][0]}")
+            for name in HIT.names or ():
+                hits[name][start : start + RTL_BATCH] = results[name]
+            advance(len(part))
+        return hits
 
     return tracer

@@ -22,6 +22,9 @@ HERE = Path(__file__).parent
 TOP, HARNESS, MEMORY = (HERE / name for name in ("traversal_run.v", "traversal_run.cpp", "axi_memory.v"))
 BASE = 4096
 """Byte address of the tree: not zero, so that a unit which leaves it out is found out."""
+MEMORY_BITS = 27
+"""The memory has room for trees over two and a half million triangles."""
+GREATEST_MEMORY_BITS = 30
 WORKING = ("node_tests", "leaf_visits")
 """Counters that move as long as the unit works on a ray."""
 
@@ -52,6 +55,11 @@ class TraversalRun:
     """Cycles/s of the simulation, on one core."""
 
 
+def memory_bits(blocks: np.ndarray) -> int:
+    """The `memory_bits` of a `TraversalUnit` that has room for the tree: as a rule the same for all scenes."""
+    return min(max(MEMORY_BITS, (BASE + blocks.nbytes - 1).bit_length()), GREATEST_MEMORY_BITS)
+
+
 class TraversalUnit:
     """The Verilated traversal unit with its memory.
 
@@ -60,7 +68,7 @@ class TraversalUnit:
     Raises InputError for a missing tool.
     """
 
-    def __init__(self, config: Config = PRESETS["base"], *, memory_bits: int = 27, verilog: str | None = None):
+    def __init__(self, config: Config = PRESETS["base"], *, memory_bits: int = MEMORY_BITS, verilog: str | None = None):
         self.config = config
         self._memory_bytes = 1 << memory_bits
         verilog = emitted("traversal", config) if verilog is None else verilog

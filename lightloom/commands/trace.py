@@ -38,7 +38,7 @@ def trace(
     \b
     Backends, the same bits from both:
       golden  the golden model's BVH traversal
-      rtl     every ray against every triangle, through the Verilated ray_setup and ray_triangle units
+      rtl     the Verilated traversal unit with a tree in its memory
 
     \b
     Examples:
