@@ -37,20 +37,25 @@ COMPILED_RAY = plain(BOX_RAY)
 
 
 @compiled
-def cut(ray: Any, node: Any, axis: int, lower: Any, upper: Any, entries: Any, leaves: Any, count: int) -> None:
-    """Raises `entries` and lowers `leaves` of the first `count` slots to where it meets an axis's planes."""
+def shared_by_planes(ray: Any, node: Any, axis: int) -> tuple[Any, Any, Any, Any, Any, Any]:
+    """What all planes of an axis share: base products near and far, slope, steepness, exponent, direction."""
     backwards = np.int64(ray.backwards[axis])
     slope, steepness = np.int64(ray.slope[axis]), np.int64(ray.steepness[axis])
-    coarseness, pad = np.int64(ray.coarseness), np.int64(ray.pad)
     position = np.int64(ray.position[axis]) - POSITION_BIAS
     exponent = min(np.int64(node.exponent[axis]), NODE_EXPONENT_MAX)
-    away = corner_distance(np.int64(node.origin[axis]), exponent, position, backwards, coarseness, FULL)
-    base_near, base_far = base_products(away, pad, slope, FULL)
-    for slot in range(count):
-        near, far = planes_met(np.int64(lower[slot]), np.int64(upper[slot]), backwards, FULL)
-        plane_near, plane_far = plane_products(near, far, slope, exponent, coarseness, FULL)
-        entries[slot] = max(entries[slot], saturated(base_near + plane_near, steepness, FULL))
-        leaves[slot] = min(leaves[slot], saturated(base_far + plane_far, steepness, FULL))
+    away = corner_distance(np.int64(node.origin[axis]), exponent, position, backwards, np.int64(ray.coarseness), FULL)
+    base_near, base_far = base_products(away, np.int64(ray.pad), slope, FULL)
+    return base_near, base_far, slope, steepness, exponent, backwards
+
+
+@compiled
+def cut(shared: Any, coarseness: Any, lower: Any, upper: Any, entry: Any, leave: Any) -> tuple[Any, Any]:
+    """The part of a ray from `entry` to `leave` that lies between a box's planes of an axis."""
+    base_near, base_far, slope, steepness, exponent, backwards = shared
+    near, far = planes_met(np.int64(lower), np.int64(upper), backwards, FULL)
+    plane_near, plane_far = plane_products(near, far, slope, exponent, coarseness, FULL)
+    entry = max(entry, saturated(base_near + plane_near, steepness, FULL))
+    return entry, min(leave, saturated(base_far + plane_far, steepness, FULL))
 
 
 @compiled
@@ -67,18 +72,17 @@ def node_hits(ray: Any, t_max: Any, node: Any, slots: Any, entries: Any) -> int:
             slots[slot], entries[slot] = slot, 0
         return count
 
-    leaves = np.full(WIDTH, np.int64(t_max))
-    entries[:count] = np.int64(ray.t_min)
-    cut(ray, node, 0, node.lower_x, node.upper_x, entries, leaves, count)
-    cut(ray, node, 1, node.lower_y, node.upper_y, entries, leaves, count)
-    cut(ray, node, 2, node.lower_z, node.upper_z, entries, leaves, count)
-
-    # Sorted in place: what has been read makes room for what is listed.
+    x, y, z = shared_by_planes(ray, node, 0), shared_by_planes(ray, node, 1), shared_by_planes(ray, node, 2)
+    coarseness = np.int64(ray.coarseness)
     listed = 0
     for slot in range(count):
-        entry = entries[slot]
-        if entry > leaves[slot]:
+        entry, leave = np.int64(ray.t_min), np.int64(t_max)
+        entry, leave = cut(x, coarseness, node.lower_x[slot], node.upper_x[slot], entry, leave)
+        entry, leave = cut(y, coarseness, node.lower_y[slot], node.upper_y[slot], entry, leave)
+        entry, leave = cut(z, coarseness, node.lower_z[slot], node.upper_z[slot], entry, leave)
+        if entry > leave:
             continue
+        # Sorted as they come: equal entries keep the order of their slots.
         place = listed
         while place > 0 and entries[place - 1] > entry:
             slots[place], entries[place] = slots[place - 1], entries[place - 1]
