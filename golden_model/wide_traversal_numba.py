@@ -77,7 +77,7 @@ def distance_of(t: Any, rate: Any, scale: Any) -> Any:
     significand = (pattern & 0x7FFFFF) | 0x800000 if exponent > 0 else np.int64(0)
     shift = exponent - 150 + np.int64(scale) - SCALE_BIAS
     if significand > 0 and shift > MOST:
-        distance = -TIME_BIAS if pattern < 0 else TIME_BIAS - 1
+        distance = np.int64(-TIME_BIAS if pattern < 0 else TIME_BIAS - 1)
     else:
         signed = -significand if pattern < 0 else significand
         distance = signed >> min(max(-shift, np.int64(0)), np.int64(31))

@@ -60,8 +60,8 @@ def all_families(triangles: np.ndarray, count: int, seed: int) -> np.ndarray:
 
 def mixed_queries(rays: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """RAY_QUERY (N,): closest and any hit, culled or not, with all or one of the mask's bits set or none."""
-    mask = rng.choice([0xFF, 0xFF, 1, 2, 0x80, 0], len(rays))
-    return queries_of(rays, *rng.integers(0, 2, (2, len(rays))).astype(bool), mask)
+    any_hit, cull = rng.integers(0, 2, (2, len(rays))).astype(bool)
+    return queries_of(rays, any_hit, cull, rng.choice([0xFF, 0xFF, 1, 2, 0x80, 0], len(rays)))
 
 
 def is_invalid(rays: np.ndarray) -> np.ndarray:
@@ -494,7 +494,7 @@ def test_no_tree_is_loaded(deep: tuple[WideBvh, np.ndarray]) -> None:
         assert results["invalid"].tolist() == [True] + [False] * (len(queries) - 1)
         assert not counts.view(np.uint32).any()
     for options in ({"stack": levels - 1}, {"width": 3}, {"bad_blocks": [0]}):
-        results, _ = trace_tree(tree.blocks, queries, **options)  # type: ignore[arg-type]
+        results, _ = trace_tree(tree.blocks, queries, **options)
         assert (results["error"] == TRACE_ERRORS["header"]).all(), options
     results, _ = trace_tree(tree.blocks, queries, stack=levels, width=4)
     assert not results["error"].any()
