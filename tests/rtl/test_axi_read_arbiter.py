@@ -1,0 +1,142 @@
+# amaranth: UnusedElaboratable=no
+# (arbiters that cannot be built are tried)
+"""The arbiter of AXI4 read masters: data comes back to who asked, at the full rate, in turn."""
+
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+from amaranth.sim import Simulator
+
+from gen.verilog import convert
+from rtl.axi_read_arbiter import AxiReadArbiter
+from tests.gen.test_lint import WAIVERS, lint
+from tests.rtl.axi_slave import AxiSlave
+
+SEED = 90
+WIDTHS = {"address_width": 32, "data_width": 128, "id_width": 3}
+BEATS, LANES = 4, 16
+
+
+class Master:
+    """Reads blocks of its own addresses, up to one with each id at a time, and checks what comes back."""
+
+    def __init__(self, port: Any, number: int, count: int, share: float, take: float):
+        self.port, self.left, self.share, self.take = port, count, share, take
+        self.random = random.Random(SEED + number)
+        self.area = number << 20
+        self.waiting: dict[int, int] = {}
+        """Id to the address of the next beat."""
+        self.offer: tuple[int, int] | None = None
+        self.accepted_at: list[int] = []
+        self.beats_at: list[int] = []
+
+    def drive(self, ctx: Any) -> None:
+        free = [identity for identity in range(8) if identity not in self.waiting]
+        if self.offer is None and self.left and free and self.random.random() < self.share:
+            self.offer = self.random.choice(free), self.area + 64 * self.random.randrange(1000)
+            self.left -= 1
+            ctx.set(self.port.arid, self.offer[0])
+            ctx.set(self.port.araddr, self.offer[1])
+        ctx.set(self.port.arvalid, int(self.offer is not None))
+        ctx.set(self.port.arlen, BEATS - 1)
+        ctx.set(self.port.arsize, 4)
+        ctx.set(self.port.arburst, 1)
+        ctx.set(self.port.rready, int(self.random.random() < self.take))
+
+    def sample(self, ctx: Any, cycle: int) -> None:
+        if self.offer is not None and ctx.get(self.port.arready):
+            identity, address = self.offer
+            self.waiting[identity] = address
+            self.accepted_at.append(cycle)
+            self.offer = None
+        if ctx.get(self.port.rvalid) and ctx.get(self.port.rready):
+            identity = ctx.get(self.port.rid)
+            address = self.waiting[identity]
+            assert ctx.get(self.port.rdata) == AxiSlave.word(address, LANES), f"seed {SEED}: data of {address:#x}"
+            assert ctx.get(self.port.rresp) == (2 if address % 4096 == 64 else 0)
+            assert ctx.get(self.port.rlast) == (address % 64 == 64 - LANES)
+            self.waiting[identity] += LANES
+            if self.waiting[identity] % 64 == 0:
+                del self.waiting[identity]
+            self.beats_at.append(cycle)
+
+    def done(self) -> bool:
+        return not self.left and self.offer is None and not self.waiting
+
+
+def run(
+    count: int, reads: int, *, shares: list[float] | None = None, take: float = 1.0, **slave: Any
+) -> tuple[list[Master], AxiSlave]:
+    arbiter = AxiReadArbiter(count, **WIDTHS)
+    memory = AxiSlave(arbiter.m_axi, seed=SEED, **slave)
+    memory.bad = {(k << 20) + page + 64 for k in range(count) for page in range(0, 64_000, 4096)}
+    shares = shares or [1.0] * count
+    masters = [Master(arbiter.masters[k], k, reads, shares[k], take) for k in range(count)]
+
+    async def testbench(ctx: Any) -> None:
+        cycle = moved = 0
+        while not all(master.done() for master in masters) or cycle < moved + 5:
+            for master in masters:
+                master.drive(ctx)
+            memory.drive(ctx)
+            before = sum(len(master.beats_at) for master in masters)
+            for master in masters:
+                master.sample(ctx, cycle)
+            memory.sample(ctx)
+            if sum(len(master.beats_at) for master in masters) != before:
+                moved = cycle
+            await ctx.tick()
+            cycle += 1
+            assert cycle < moved + 500, "hangs"
+
+    simulator = Simulator(arbiter)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(testbench)
+    simulator.run()
+    return masters, memory
+
+
+@pytest.mark.parametrize("count", [1, 3, 4])
+def test_data_goes_to_who_asked(count: int) -> None:
+    shares = [0.2, 1.0, 0.5, 0.8][:count]
+    masters, memory = run(count, 60, shares=shares, take=0.7, latency=15, reorder=True, stall=0.3)
+    assert len(memory.reads) == 60 * count
+    assert all(len(master.beats_at) == 60 * BEATS for master in masters)
+
+
+def test_a_beat_every_cycle() -> None:
+    masters, _ = run(3, 40, latency=4)
+    beats = sorted(cycle for master in masters for cycle in master.beats_at)
+    assert beats == list(range(beats[0], beats[0] + 3 * 40 * BEATS))
+    # An address and a beat take a cycle each through the arbiter.
+    assert beats[0] == min(master.accepted_at[0] for master in masters) + 1 + 4 + 1
+
+
+def test_an_address_every_cycle_in_turn() -> None:
+    """All masters offer an address in each cycle; until ids run out one is accepted in each, in turn."""
+    masters, _ = run(3, 8, latency=200)
+    accepted = sorted((cycle, k) for k, master in enumerate(masters) for cycle in master.accepted_at)
+    assert [cycle for cycle, _ in accepted] == list(range(24))
+    assert [k for _, k in accepted] == [0, 1, 2] * 8
+
+
+def test_who_asks_rarely_is_not_kept_waiting() -> None:
+    masters, _ = run(3, 40, shares=[1.0, 0.02, 1.0], latency=1)
+    assert len(masters[1].accepted_at) == 40
+
+
+def test_arbiters_that_cannot_be_built() -> None:
+    with pytest.raises(ValueError, match="at least one master, not 0"):
+        AxiReadArbiter(0, **WIDTHS)
+    for name, value in {"address_width": 65, "data_width": 100, "id_width": 0}.items():
+        with pytest.raises(ValueError, match=f"{name} must be"):
+            AxiReadArbiter(2, **(WIDTHS | {name: value}))
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_verilog_is_clean(count: int, tmp_path: Path) -> None:
+    source = tmp_path / "axi_read_arbiter.v"
+    source.write_text(convert(AxiReadArbiter(count, **WIDTHS), "axi_read_arbiter"))
+    assert lint(WAIVERS, source, top="axi_read_arbiter") == ""
