@@ -132,7 +132,7 @@ def boxes(
     count: int,
     rng: Generator,
     *,
-    lattices: tuple[int, int] = (-40, 20),
+    lattices: tuple[int, int] = (-16, 20),
     rare: tuple[int, int] | None = None,
     nodes: np.ndarray | None = None,
     away: int = 12,
@@ -218,7 +218,7 @@ def as_in_trees(count: int, rng: Generator) -> Cases:
     origin = where.world(rng.random((count, 3)) * (1 << LATTICE_BITS))
     corner = nodes["origin"].astype(np.int64)
     target = where.world(corner + rng.random((count, 3)) * (room[:, 0] << exponents))
-    return cases(where, origin, lengths(target - origin, rng))
+    return cases(where, origin, lengths(target - origin, rng, -8, 1))
 
 
 def anywhere(count: int, rng: Generator) -> Cases:
