@@ -1,4 +1,4 @@
-"""The Verilog of a unit, emitted once per source text and configuration and then kept: a large one takes half a minute."""
+"""The Verilog of a unit, emitted once per source text and configuration, then kept: a large one takes half a minute."""
 
 import hashlib
 from dataclasses import asdict

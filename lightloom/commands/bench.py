@@ -1,43 +1,121 @@
 """`lightloom bench`."""
 
-from typing import Annotated
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Annotated, Any
 
 import typer
 
 from lightloom.benchmarks import BENCHMARKS, Sizes, summary
 from lightloom.commands.options import Json
-from lightloom.inputs import at_least, choose
+from lightloom.inputs import at_least, choose, whole_numbers
 
 _DEFAULT = Sizes()
+TRAVERSAL = "traversal"
+NUMBERS: dict[str, tuple[str, Sequence[int]]] = {
+    "width": ("widths", (4, 8)),
+    "contexts": ("contexts", (4, 8, 16, 32, 64, 128, 256)),
+    "latency": ("latencies", range(65536)),
+    "units": ("units", range(1, 17)),
+}
+"""Options of `traversal`: the field of the `Sweep` that each one gives, and what its numbers may be."""
 
 
 def bench(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="NAME", help="Benchmarks; all of them if none is given.")
+        list[str] | None, typer.Argument(metavar="NAME", help="Benchmarks; all but `traversal` if none is given.")
     ] = None,
     vectors: Annotated[
         int, typer.Option("--vectors", metavar="N", help="Operands through the Verilated unit.")
     ] = _DEFAULT.vectors,
     rays: Annotated[
-        int, typer.Option("--rays", metavar="N", help="Rays a scene, backend and kind of hit.")
-    ] = _DEFAULT.rays,
+        int | None,
+        typer.Option(
+            "--rays",
+            metavar="N",
+            help=f"Rays a scene, backend and kind of hit; else {_DEFAULT.rays}, or 10000 for the traversal unit.",
+        ),
+    ] = None,
+    scene: Annotated[
+        list[str] | None, typer.Option("--scene", metavar="SCENE", help="traversal: a scene (repeatable).")
+    ] = None,
+    width: Annotated[
+        str | None, typer.Option("--width", metavar="W,W", help="traversal: most children of a node, 4 or 8.")
+    ] = None,
+    contexts: Annotated[
+        str | None, typer.Option("--contexts", metavar="N,N", help="traversal: rays in a unit, a power of two.")
+    ] = None,
+    latency: Annotated[
+        str | None, typer.Option("--latency", metavar="N,N", help="traversal: cycles that the memory takes.")
+    ] = None,
+    units: Annotated[
+        str | None, typer.Option("--units", metavar="N,N", help="traversal: units that share the memory port.")
+    ] = None,
+    preset: Annotated[
+        str, typer.Option("--preset", metavar="NAME", help="traversal: the other hardware parameters.")
+    ] = "base",
+    full: Annotated[
+        bool, typer.Option("--full", help="traversal: the whole sweep, with 100000 rays compared a scene and width.")
+    ] = False,
     json: Json = False,
 ) -> None:
     from lightloom.console import Progress, print_json, print_table
     from lightloom.machine import machine, versions
 
-    chosen = [choose(name, BENCHMARKS, "benchmark") for name in dict.fromkeys(names or BENCHMARKS)]
-    sizes = Sizes(vectors=at_least(vectors, 1, "--vectors"), rays=at_least(rays, 1, "--rays"))
-    rows = []
+    chosen = [choose(name, [*BENCHMARKS, TRAVERSAL], "benchmark") for name in dict.fromkeys(names or BENCHMARKS)]
+    if rays is not None:
+        at_least(rays, 1, "--rays")
+    sizes = Sizes(vectors=at_least(vectors, 1, "--vectors"), rays=rays or _DEFAULT.rays)
+    rows: list[dict[str, Any]] = []
+    report: dict[str, Any] = {"results": rows}
     with Progress() as progress:
         for name in chosen:
-            with progress.stage(name):
-                rows += list(BENCHMARKS[name](sizes))
+            if name != TRAVERSAL:
+                with progress.stage(name):
+                    rows += list(BENCHMARKS[name](sizes))
+        if TRAVERSAL in chosen:
+            from lightloom.bench_traversal import measure
+
+            sweep = _sweep(scene, rays, preset, full, width=width, contexts=contexts, latency=latency, units=units)
+            with progress.stage(TRAVERSAL, sweep.runs) as advance:
+                report[TRAVERSAL] = measure(sweep, advance)
+    here = machine()
     if json:
-        print_json({"results": rows, "machine": machine(), "versions": versions()})
-    else:
-        here = machine()
+        print_json({**report, "machine": here, "versions": versions()})
+        return
+    if rows:
         print_table(f"{here['processor']}, {here['cores']} cores", list(rows[0]), [list(row.values()) for row in rows])
+    if TRAVERSAL in chosen:
+        from lightloom.traversal_page import tables
+
+        for title, columns, cells in tables(report[TRAVERSAL]):
+            print_table(title, columns, cells)
+
+
+def _sweep(scenes: list[str] | None, rays: int | None, preset: str, full: bool, **numbers: str | None) -> Any:
+    """The `Sweep` that is asked for: the quick or the full one, with what is given in its place."""
+    from golden_model.errors import InputError
+    from lightloom.bench_traversal import default_sweep
+    from rtl.config import PRESETS
+
+    given: dict[str, Any] = {"preset": choose(preset, PRESETS, "preset")}
+    if scenes:
+        given["scenes"] = tuple(dict.fromkeys(scenes))
+    if rays is not None:
+        given["rays"] = rays
+    for name, (field, possible) in NUMBERS.items():
+        text = numbers[name]
+        if text is not None:
+            values = tuple(dict.fromkeys(whole_numbers(text, f"--{name}")))
+            wrong = [value for value in values if value not in possible]
+            if wrong:
+                raise InputError(f"--{name} {text}: {wrong[0]} is not possible; it may be {_range(possible)}")
+            given[field] = values
+    return replace(default_sweep(full), **given)
+
+
+def _range(possible: Sequence[int]) -> str:
+    return f"{possible[0]} to {possible[-1]}" if len(possible) > 8 else ", ".join(map(str, possible))
 
 
 bench.__doc__ = "\n".join(
@@ -49,11 +127,17 @@ bench.__doc__ = "\n".join(
         "\b",
         "Benchmarks:",
         *(f"  {name:<13} {summary(name)}" for name in BENCHMARKS),
+        f"  {TRAVERSAL:<13} The traversal unit: cycles, utilisation, memory; its results against the golden model.",
+        "",
+        "`traversal` builds a simulator, which takes a minute or two, for each width, number of contexts and number of",
+        "units; the next time it finds them. Its cycles are those of diffuse rays, nearest hit.",
         "",
         "\b",
         "Examples:",
         "  lightloom bench",
         "  lightloom bench tracing --rays 1000000",
+        "  lightloom bench traversal --scene cornell-box --latency 0,50,100,200,400",
+        "  lightloom bench traversal --full --json > build/traversal.json",
         "  lightloom bench --json > bench.json",
     ]
 )

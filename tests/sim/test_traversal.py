@@ -1,4 +1,4 @@
-"""The harness of the traversal unit: what it sends, what it says of a unit that breaks the rules; and the unit in it."""
+"""The harness of the traversal unit, what it says of a unit that breaks the rules, and the unit in it."""
 
 from functools import cache
 from pathlib import Path

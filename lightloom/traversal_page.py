@@ -1,0 +1,126 @@
+"""The page docs/traversal_figures.md, made from what `lightloom bench traversal --json` has measured:
+
+python -m lightloom.traversal_page build/traversal.json > docs/traversal_figures.md
+"""
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+Cell = Callable[[dict[str, Any]], object]
+
+
+def _rounded(name: str, digits: int = 2) -> Cell:
+    return lambda row: float(f"{row[name]:.{digits}f}")
+
+
+def _parts(unit: str) -> Cell:
+    """Busy, starved and stalled, in percent of the cycles."""
+    return lambda row: " / ".join(f"{100 * row[f'{unit}_{state}']:.0f}" for state in ("busy", "starved", "stalled"))
+
+
+def _percent(name: str, digits: int = 0) -> Cell:
+    return lambda row: f"{100 * row[name]:.{digits}f} %"
+
+
+def _plain(name: str) -> Cell:
+    return lambda row: "" if row[name] is None else row[name]
+
+
+def _thousands(name: str) -> Cell:
+    return lambda row: round(row[name] / 1000)
+
+
+MEASURED: dict[str, Cell] = {
+    "rays": _plain("rays"),
+    "cycles a ray": _rounded("cycles_per_ray"),
+    "node tests": _rounded("node_tests"),
+    "triangle tests": _rounded("triangle_tests"),
+    "leaf visits": _rounded("leaf_visits"),
+    "ratio": _rounded("ratio"),
+    "node test %": _parts("node"),
+    "triangle test %": _parts("triangle"),
+    "node cache": _percent("node_hits"),
+    "triangle cache": _percent("triangle_hits"),
+    "bytes a ray": lambda row: round(row["bytes_per_ray"]),
+    "mismatches": _plain("mismatches"),
+    "kHz": _thousands("cycles_per_second"),
+}
+TABLES: dict[str, tuple[str, dict[str, Cell]]] = {
+    "speed": (
+        "One unit: diffuse rays, nearest hit",
+        {name: _plain(name) for name in ("scene", "width", "contexts", "latency")} | MEASURED,
+    ),
+    "units": (
+        "Units at one memory port, latency 100",
+        {name: _plain(name) for name in ("scene", "units")} | MEASURED,
+    ),
+    "identity": (
+        "Against the golden model: all families of rays, nearest hit and any hit",
+        {
+            **{name: _plain(name) for name in ("scene", "width", "condition", "rays", "mismatches")},
+            "wrong counters": _plain("count_mismatches"),
+            "cycles a ray": _rounded("cycles_per_ray"),
+            "node tests": _rounded("node_tests"),
+            "revisits": _rounded("revisits", 4),
+        },
+    ),
+    "boxes": (
+        "The box test against exact arithmetic",
+        {
+            **{name: _plain(name) for name in ("family", "pairs")},
+            "false rejects": _plain("false_rejects"),
+            "entered": _percent("entered", 1),
+            "accepted": _percent("accepted", 1),
+            "false accepts": _percent("false_accepts", 3),
+        },
+    ),
+}
+"""Title and columns of each table."""
+
+
+def tables(measured: dict[str, list[dict[str, Any]]]) -> Iterator[tuple[str, list[str], list[list[object]]]]:
+    """Title, columns and cells of every table of `bench_traversal.measure` that has rows."""
+    for name, (title, columns) in TABLES.items():
+        if measured[name]:
+            yield title, list(columns), [[cell(row) for cell in columns.values()] for row in measured[name]]
+
+
+PREAMBLE = """\
+# The traversal unit in figures
+
+<!-- Made by these commands, from the project's folder:
+lightloom bench traversal --full --json > build/traversal.json
+python -m lightloom.traversal_page build/traversal.json > docs/traversal_figures.md -->
+
+Measured by `lightloom bench traversal --full`: the Verilated [traversal unit](traversal_unit.md), preset `base` but for
+what a table names, with [the memory of the simulations](axi_memory.md) behind it (512 bits, a beat a cycle). Every run
+is compared with the golden model in all bits, so "mismatches" counts rays.
+
+Cycles are from the first ray that enters a cold unit to the last result. **ratio** is cycles over those that the busier
+of the node test and the triangle test needs at least: 1 is the ideal. The percentages of the two tests are cycles that
+were busy, starved of work, and stalled. A cache's figure is the part of requests whose block was there; requests for
+blocks on their way are neither. Bytes are those that came from memory; kHz, simulated cycles a millisecond of processor
+time.
+"""
+
+
+def page(report: dict[str, Any]) -> str:
+    """The page; `report` is the JSON of the command."""
+    here = report["machine"]
+    parts = [PREAMBLE, f"Simulated on {here['processor']}."]
+    for title, columns, rows in tables(report["traversal"]):
+        lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
+        lines += ["| " + " | ".join(_cell(cell) for cell in row) + " |" for row in rows]
+        parts += [f"\n## {title}\n", "\n".join(lines)]
+    return "\n".join(parts) + "\n"
+
+
+def _cell(value: object) -> str:
+    return f"{value:,}" if isinstance(value, int) else str(value)
+
+
+if __name__ == "__main__":
+    sys.stdout.write(page(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))))
