@@ -81,7 +81,7 @@ def test_the_exact_ray_lies_within_what_is_said_of_it(family: str) -> None:
         assert ray["coarseness"] == min(2 - scale - lattice, COARSEST), where
         underflow = Fraction(2) ** (UNDERFLOW + scale) * (1 + longest)
         assert ray["blind"] or ray["pad"] >= PAD + underflow, where
-        assert ray["blind"] or ray["pad"] <= PAD + max(4 * underflow, 1), where
+        assert ray["blind"] or ray["pad"] <= PAD + max(4 * underflow, Fraction(1)), where
         for k in range(3):
             place = Fraction(float(flush(given["origin"][k]))) - Fraction(float(flush(given["lattice_origin"][k])))
             exact = place * Fraction(2) ** scale

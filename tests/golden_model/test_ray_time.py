@@ -1,6 +1,7 @@
 """Distances of t lie on the right side of the exact product, in float32 and exhaustively in narrow arithmetic."""
 
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from tests.golden_model.narrow_boxes import LARGER, SMALL, Narrow, rounded
 SEED = 61
 
 
-def times(t: object, rate: object, scale: object) -> np.ndarray:
+def times(t: Any, rate: Any, scale: Any) -> np.ndarray:
     """RAY_TIME (N,) with the scale given without its bias."""
     columns = np.broadcast_arrays(*np.atleast_1d(t, rate, scale))
     out = np.zeros(len(columns[0]), dtype=RAY_TIME)
