@@ -41,7 +41,9 @@ class AxiReadArbiter(Component):
         names = ("araddr", "arid", "arlen", "arsize", "arburst")
         fields = data.StructLayout({name: len(getattr(port, name)) for name in names})
         m.submodules.addresses = addresses = Buffer(fields)
-        asks, chosen, later = Signal(self.count), Signal(self.count), Signal(self.count)
+        asks = Signal(self.count)
+        chosen = Signal(self.count)
+        later = Signal(self.count)
         m.d.comb += [
             asks.eq(Cat(master.arvalid for master in masters)),
             chosen.eq(lowest(Mux((asks & later).any(), asks & later, asks))),

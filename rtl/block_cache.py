@@ -89,8 +89,10 @@ class BlockCache(wiring.Component):
         drain = waiters.o
 
         # --- requests: the one that is looked up, and one behind it that came while it could not move -----------------
-        valid, kept_valid = Signal(), Signal()
-        done, moves = Signal(), Signal()
+        valid = Signal()
+        kept_valid = Signal()
+        done = Signal()
+        moves = Signal()
         kept = register(m, ~moves & ~kept_valid, self.i.payload, "kept")
         incoming = Signal.like(self.i.payload)
         m.d.comb += [
@@ -106,8 +108,12 @@ class BlockCache(wiring.Component):
         tag = register(m, moves, incoming.tag, "tag")
 
         # --- what becomes of it ---------------------------------------------------------------------------------------
-        hit_first, hit, merge, miss = Signal(), Signal(), Signal(), Signal()
-        can_answer, impatient = Signal(), Signal()
+        hit_first = Signal()
+        hit = Signal()
+        merge = Signal()
+        miss = Signal()
+        can_answer = Signal()
+        impatient = Signal()
         m.d.comb += [
             hit_first.eq(valid & lines.found & ~lines.awaited & ~(drain.valid & impatient)),
             hit.eq(hit_first & can_answer),

@@ -112,7 +112,8 @@ class BlockLines(Component):
         m.d.comb += start.eq((random[:8] * self.ways) >> 8)
         from_start = Signal(self.ways)
         m.d.sync += from_start.eq(Const((1 << self.ways) - 1, self.ways) << start)
-        unused, candidates = Signal(self.ways), Signal(self.ways)
+        unused = Signal(self.ways)
+        candidates = Signal(self.ways)
         all_used = Signal()
         m.d.comb += [
             self.available.eq(~is_locked.all()),

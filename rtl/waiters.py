@@ -99,7 +99,8 @@ class Waiters(Component):
 
         # Along a list: the RAM's output is the request that is answered, and names the one after it.
         walk = entries.read_port()
-        ends, moves = Signal(), Signal()
+        ends = Signal()
+        moves = Signal()
         following = Signal(self.number_width)
         m.d.comb += [
             moves.eq(~self.o.valid | self.o.ready),
