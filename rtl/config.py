@@ -37,13 +37,13 @@ class Config:
     """Sets of the node cache, a power of two; a set is `node_ways` blocks of 64 bytes."""
     node_ways: int = 6
     """Ways of the node cache, 1 to 16."""
-    node_misses: int = 48
+    node_misses: int = 96
     """Blocks that the node cache may be waiting for."""
     triangle_sets: int = 16
     """Sets of the triangle cache, a power of two."""
     triangle_ways: int = 8
     """Ways of the triangle cache, 1 to 16."""
-    triangle_misses: int = 32
+    triangle_misses: int = 64
     """Blocks that the triangle cache may be waiting for."""
     address_width: int = 40
     """Bits of a byte address, 32 to 64."""
@@ -90,10 +90,10 @@ PRESETS: dict[str, Config] = {
         stack=32,
         node_sets=128,
         node_ways=8,
-        node_misses=96,
+        node_misses=128,
         triangle_sets=32,
         triangle_ways=8,
-        triangle_misses=64,
+        triangle_misses=96,
     ),
 }
 
