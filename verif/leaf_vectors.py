@@ -104,8 +104,8 @@ def leaf_scenario(count: int, seed: int) -> tuple[Ray, ...]:
     """`count` rays with 0 to 6 visits each, and what comes of them by the model."""
     rng = np.random.default_rng(seed)
     rays, prepared = leaf_rays(rng, count)
-    number = rng.integers(0, 7, count)
-    owner = np.repeat(np.arange(count), number)
+    visits = rng.integers(0, 7, count)
+    owner = np.repeat(np.arange(count), visits)
     blocks = triangle_blocks(rng)[rng.integers(0, POOL, len(owner))]
     memory_error = rng.random(len(owner)) < 0.02
     proper = (blocks["kind"] == TRIANGLES_KIND) & np.isin(blocks["count"], (1, 2))
@@ -131,7 +131,7 @@ def leaf_scenario(count: int, seed: int) -> tuple[Ray, ...]:
     must_hit = np.zeros(len(owner), bool)
     row = 0
     for ray in range(count):
-        for _ in range(number[ray]):
+        for _ in range(visits[ray]):
             at = row + ray + 1
             best[at] = best[at - 1]
             t_max = best["t"][at] if best["primitive"][at] >= 0 else np.inf
@@ -144,18 +144,18 @@ def leaf_scenario(count: int, seed: int) -> tuple[Ray, ...]:
                 ):
                     best[at] = hit
             row += 1
-    of_best = np.repeat(np.arange(count), number + 1)
+    of_best = np.repeat(np.arange(count), visits + 1)
     times = np.zeros(len(best), RAY_TIME)
     times["t"] = np.where(best["primitive"] >= 0, best["t"], rays["t_max"][of_best])
     times["rate"], times["scale"] = rays["rate"][of_best], rays["scale"][of_best]
     high = ray_time(times)["high"]
 
     out = [Ray(data=data, any_hit=bool(any_hit)) for data, any_hit in zip(payloads(rays), rays["any_hit"], strict=True)]
-    for ray, payload, time in zip(of_best, payloads(best), high, strict=True):
+    for ray, payload, time in zip(of_best.tolist(), payloads(best), high, strict=True):
         out[ray].bests.append(payload)
         out[ray].times.append(int(time))
-    may_hit = (hits["primitive"] >= 0).any(axis=1)
-    for row, (ray, block) in enumerate(zip(owner, payloads(blocks), strict=True)):
+    may_hit = np.any(hits["primitive"] >= 0, axis=1)
+    for row, (ray, block) in enumerate(zip(owner.tolist(), payloads(blocks), strict=True)):
         visit = Visit(block, bool(memory_error[row]), int(error[row]), int(tested[row].sum()))
         visit.may_hit, visit.must_hit = bool(may_hit[row]), bool(must_hit[row])
         out[ray].visits.append(visit)

@@ -49,6 +49,7 @@ class Bench:
         self.dut = dut
         self.contexts: int = run["contexts"]
         self.latency: int = run["latency"]
+        self.start_latency: int = run["start_latency"]
         self.rays: int = run["rays"]
         self.seed: int = run["seed"]
         self.rng = random.Random(self.seed)
@@ -184,9 +185,9 @@ async def run(dut: object, overlap: int, give: str) -> Bench:
         free = [k for k, one in enumerate(contexts) if not one.ray]
         if free and scenario:
             number = rng.choice(free)
-            contexts[number].ray = scenario.popleft()
+            contexts[number].ray = ray = scenario.popleft()
             starting.add(number)
-            bench.drive_start(number, contexts[number].ray)
+            bench.drive_start(number, ray)
         else:
             bench.dut.start__valid.value = 0
     return bench
@@ -220,11 +221,13 @@ def plain_ray() -> Ray:
 
 
 async def begin_all(bench: Bench) -> None:
-    """A plain ray in every context, begun in successive cycles; each is reported once."""
-    ray, begun = plain_ray(), []
+    """A plain ray in every context, begun in successive cycles; each is reported once, after `start_latency`."""
+    ray, first = plain_ray(), bench.cycle + 1
+    begun: list[int] = []
     for k in range(bench.contexts + 40):
         await bench.step()
         if int(bench.dut.started__valid.value):
+            assert bench.cycle == first + bench.start_latency + len(begun)
             begun.append(int(bench.dut.started__context.value))
         if k < bench.contexts:
             bench.drive_start(k, ray)
@@ -243,7 +246,8 @@ async def full_rate(dut: object, triangles: int) -> None:
     bench.events.clear()
     count = 100
     visit = plain_visit(triangles)
-    taken, done = [], []
+    taken: list[int] = []
+    done: list[int] = []
     for _ in range(count * triangles + bench.latency + 20):
         await bench.step()
         if bench.done():

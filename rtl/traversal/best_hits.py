@@ -86,6 +86,11 @@ class BestHits(wiring.Component):
         """Cycles from a visit's last result to `done`."""
         return 2 + self._ray_time.latency
 
+    @property
+    def start_latency(self) -> int:
+        """Cycles from `start` to `started`, where no better hit comes in between."""
+        return 4 + self._ray_time.latency
+
     def elaborate(self, platform: object) -> Module:
         m = Module()
         # Without `found` the best t is the ray's t_max, so that the memories are written by results alone.

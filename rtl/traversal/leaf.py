@@ -64,6 +64,11 @@ class LeafStage(wiring.Component):
         """Cycles from the taking of a visit with at most one test to its `done`; a second test adds one."""
         return 3 + self._core.latency + self._best.latency
 
+    @property
+    def start_latency(self) -> int:
+        """Cycles from `start` to `started`, where no better hit comes in between."""
+        return self._best.start_latency
+
     def elaborate(self, platform: object) -> Module:
         m = Module()
         m.submodules.ray_triangle = core = self._core

@@ -23,6 +23,7 @@ from tests.simulators import SIMULATORS, needs_icarus
 
 SEED = 1997
 WAIVERS = Path(__file__).parents[2] / "gen" / "lint.vlt"
+PAGE = Path(__file__).parents[2] / "docs" / "leaf_stage.md"
 RAYS = {"verilator": 800, "icarus": 60}
 
 
@@ -36,7 +37,13 @@ def verilog(config: Config) -> str:
 def test_bench(simulator: str, contexts: int, tmp_path: Path) -> None:
     config = replace(PRESETS["tiny"], contexts=contexts)
     stage = LeafStage(config)
-    description = {"contexts": contexts, "latency": stage.latency, "rays": RAYS[simulator], "seed": SEED + contexts}
+    description = {
+        "contexts": contexts,
+        "latency": stage.latency,
+        "start_latency": stage.start_latency,
+        "rays": RAYS[simulator],
+        "seed": SEED + contexts,
+    }
     ports = [name for name, _, _ in ports_of(stage)]
     passed = run_cocotb(
         "leaf_stage",
@@ -54,7 +61,9 @@ def test_bench(simulator: str, contexts: int, tmp_path: Path) -> None:
 @pytest.mark.parametrize("preset", PRESETS)
 def test_latency_is_the_cores_and_five_cycles(preset: str) -> None:
     config = PRESETS[preset]
-    assert LeafStage(config).latency == RayTriangle(config).latency + RayTime(config).latency + 5
+    latency = LeafStage(config).latency
+    assert latency == RayTriangle(config).latency + RayTime(config).latency + 5
+    assert f"\n| {preset} | {latency} |\n" in PAGE.read_text(encoding="utf-8")
 
 
 def test_every_error_has_a_code() -> None:

@@ -4,6 +4,7 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -75,7 +76,7 @@ def scene() -> tuple[WideBvh, np.ndarray]:
     ],
     ids=["overlapped", "in order", "stalled"],
 )
-def test_hits_are_the_models(options: dict[str, int]) -> None:
+def test_hits_are_the_models(options: dict[str, Any]) -> None:
     tree, queries = scene()
     run = unit().run(tree.blocks, queries, seed=SEED, **options)
     wanted, counts = trace_tree(tree.blocks, queries, stack=CONFIG.stack)
