@@ -43,7 +43,7 @@ class Control(wiring.Component):
     - `release`: strobe, the context is free again.
     - `root`, `levels` of the tree; `overlap`: greatest number of visits of a ray under way (0 stands for 1).
     - `idle`: no ray is in a context.
-    - `revisit`: a node was visited with a rank above 0.
+    - `visit`, `revisit`: a node was visited, with a rank above 0. What is wrong with a block makes it no visit.
     """
 
     def __init__(self, config: Config):
@@ -70,6 +70,7 @@ class Control(wiring.Component):
                 "levels": In(8),
                 "overlap": In(config.overlap.bit_length()),
                 "idle": Out(1),
+                "visit": Out(1),
                 "revisit": Out(1),
             }
         )
@@ -169,7 +170,8 @@ class Control(wiring.Component):
         node_fail = mask("node_fail", only_if(node_take & fail, node_context))
         node_restart = mask("node_restart", only_if(node_take & begin_again, node_context))
         m.d.comb += [
-            self.revisit.eq(node_take & (node.rank != 0)),
+            self.visit.eq(node_take & (node.error == 0)),
+            self.revisit.eq(self.visit & (node.rank != 0)),
             self.failed[0].valid.eq(node_take & fail),
             self.failed[0].payload.context.eq(node.context),
             self.failed[0].payload.error.eq(node_error),

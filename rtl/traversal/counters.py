@@ -13,7 +13,7 @@ COUNTERS: dict[str, str] = {
     "revisits": "of these again, for the rest of their children",
     "triangle_tests": "triangles tested",
     "leaf_visits": "blocks of triangles visited",
-    "node_busy": "cycles in which a node entered the node test",
+    "node_busy": "cycles in which a block entered the node test",
     "node_starved": "cycles in which there was none",
     "node_stalled": "cycles in which the node test had to wait for the stacks",
     "triangle_busy": "cycles in which a triangle entered the triangle test",

@@ -192,10 +192,10 @@ class Traversal(wiring.Component):
         events = {
             "cycles": busy,
             "rays": given,
-            "node_tests": nodes.tested,
+            "node_tests": control.visit,
             "revisits": control.revisit,
             "triangle_tests": leaves.test,
-            "leaf_visits": leaves.done.valid,
+            "leaf_visits": leaves.done.valid & (leaves.done.error == 0),
             "node_busy": nodes.tested,
             "node_starved": nodes.starved & busy,
             "node_stalled": nodes.stalled,
