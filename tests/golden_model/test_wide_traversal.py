@@ -362,6 +362,21 @@ def test_small_scenes(backend: str) -> None:
     assert all(len(part) == 0 for part in trace_tree(one.blocks, ray[:0], backend=backend))
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_a_leaf_of_one_triangle_has_no_second(backend: str) -> None:
+    """Whatever stands in its place."""
+    tree = build_wide(row_of_squares(1))
+    blocks = edited(tree, 2, TRIANGLE_BLOCK, mask=(0xFF, 0xFF), primitive=(5, 1), order=(0, 1, 2))
+    queries = queries_of(ray_vectors.rays(np.zeros((1, 3)), np.array([[0, 0, 1]])))
+    results, counts = trace_tree(blocks, queries, backend=backend)
+    assert results["primitive"].tolist() == [5]
+    assert counts.tolist() == [(1, 0, 1, 1)]
+    two = edited(tree, 2, TRIANGLE_BLOCK, count=2, mask=(0xFF, 0xFF), primitive=(5, 1), order=(0, 1, 2))
+    results, counts = trace_tree(two, queries, backend=backend)
+    assert results["primitive"].tolist() == [1]
+    assert counts.tolist() == [(1, 0, 2, 1)]
+
+
 # --- broken trees -------------------------------------------------------------------------------------------------
 
 
