@@ -38,7 +38,7 @@ class AxiReadArbiter(Component):
         id_width = len(masters[0].arid)
 
         # --- addresses ------------------------------------------------------------------------------------------------
-        names = ("araddr", "arid", "arlen", "arsize", "arburst")
+        names: tuple[str, ...] = ("araddr", "arid", "arlen", "arsize", "arburst")
         fields = data.StructLayout({name: len(getattr(port, name)) for name in names})
         m.submodules.addresses = addresses = Buffer(fields)
         asks = Signal(self.count)

@@ -5,6 +5,8 @@ The state of a line is four flip-flops: `present` (its label counts), `pending` 
 RAMs, one a way.
 """
 
+from collections.abc import Iterable
+
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data
 from amaranth.lib.memory import Memory
@@ -89,9 +91,9 @@ class BlockLines(Component):
             for state in ("present", "pending", "locked", "used")
         )
 
-        def here(name: str, vectors: list[Signal]) -> Signal:
+        def here(kind: str, vectors: list[Signal]) -> Signal:
             """The bits of the set that is looked up, one a way."""
-            bits = Signal(self.ways, name=name)
+            bits = Signal(self.ways, name=kind)
             m.d.comb += bits.eq(Cat(vector.bit_select(row, 1) for vector in vectors))
             return bits
 
@@ -169,7 +171,8 @@ def set_of(block: Value, bits: int) -> Value:
     return result
 
 
-def any_of(values: list[Value]) -> Value:
+def any_of(values: Iterable[Value]) -> Value:
+    """The or of all of them, bit by bit."""
     result, *others = values
     for value in others:
         result = result | value

@@ -53,7 +53,8 @@ class Bench:
 
     def requests(self, count: int) -> list[int]:
         """Blocks as rays ask for them: some are hot, some follow one another, some are asked for again and again."""
-        rng, blocks = self.rng, []
+        rng = self.rng
+        blocks: list[int] = []
         while len(blocks) < count:
             kind = rng.random()
             if kind < 0.4:
