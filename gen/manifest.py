@@ -14,7 +14,7 @@ from amaranth.lib.wiring import In
 from gen.verilog import ports_of
 from golden_model import bitpack
 from golden_model.formats import bits
-from golden_model.units import SYSTEMS, UNITS
+from golden_model.units import ALL, UNITS
 from rtl.catalogue import CATALOGUE
 from rtl.config import Config
 
@@ -55,8 +55,7 @@ def _meaning(port: str) -> str:
 
 def manifest(unit: str, config: Config, preset: str | None = None, verilog: str = "") -> dict[str, Any]:
     """The manifest of one unit of the catalogue, ready for JSON; `verilog` is its text, `preset` the config's name."""
-    component = CATALOGUE[unit](config)
-    described = UNITS.get(unit) or SYSTEMS[unit]
+    component, described = CATALOGUE[unit](config), ALL[unit]
     payloads = {
         "i__payload": fields(described.input, config.tag_width),
         "o__payload": fields(described.output, config.tag_width),

@@ -129,3 +129,5 @@ SYSTEMS: dict[str, System] = {
         output=formats.RAY_RESULT,
     ),
 }
+
+ALL: dict[str, Unit | System] = {**UNITS, **SYSTEMS}

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from golden_model import bitpack
-from golden_model.units import SYSTEMS, UNITS
+from golden_model.units import ALL, UNITS
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
 
@@ -15,7 +15,7 @@ def unit_row(unit: str, preset: str) -> dict[str, Any]:
 
     Latency and interval are None where they depend on the scene and the memory.
     """
-    component, description = CATALOGUE[unit](PRESETS[preset]), UNITS.get(unit) or SYSTEMS[unit]
+    component, description = CATALOGUE[unit](PRESETS[preset]), ALL[unit]
     return {
         "unit": unit,
         "summary": description.summary,

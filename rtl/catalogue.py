@@ -4,6 +4,8 @@
 
 from collections.abc import Callable
 
+from amaranth.lib import wiring
+
 from rtl.box_setup import BoxSetup
 from rtl.config import Config
 from rtl.node_test import NodeTest
@@ -22,13 +24,14 @@ from rtl.pipeline import Core, StreamUnit
 from rtl.ray_setup import RaySetup
 from rtl.ray_time import RayTime
 from rtl.ray_triangle import RayTriangle
+from rtl.traversal.array import traversal
 
 
 def _stream(core: Callable[[Config], Core]) -> Callable[[Config], StreamUnit]:
     return lambda config: StreamUnit(core(config), config.tag_width)
 
 
-CATALOGUE: dict[str, Callable[[Config], StreamUnit]] = {
+CATALOGUE: dict[str, Callable[[Config], wiring.Component]] = {
     "float_add": _stream(lambda c: FloatAdd(c.add_depth)),
     "float_multiply": _stream(lambda c: FloatMultiply(c.multiply_depth)),
     "float_difference_of_products": _stream(lambda c: FloatDifferenceOfProducts(c.difference_of_products_depth)),
@@ -45,4 +48,5 @@ CATALOGUE: dict[str, Callable[[Config], StreamUnit]] = {
     "ray_time": _stream(RayTime),
     "box_setup": _stream(BoxSetup),
     "node_test": _stream(NodeTest),
+    "traversal": traversal,
 }

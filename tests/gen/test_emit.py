@@ -14,7 +14,7 @@ import pytest
 from gen.emit import emit
 from golden_model import bitpack
 from golden_model.errors import InputError
-from golden_model.units import UNITS
+from golden_model.units import ALL
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
 
@@ -40,8 +40,8 @@ def test_manifest_agrees_with_verilog(base: Path, unit: str) -> None:
 
     widths = {port["name"]: port["width"] for port in manifest["ports"]}
     tag_width = PRESETS["base"].tag_width
-    assert widths["i__payload"] == bitpack.width(UNITS[unit].input) + tag_width
-    assert widths["o__payload"] == bitpack.width(UNITS[unit].output) + tag_width
+    assert widths["i__payload"] == bitpack.width(ALL[unit].input) + tag_width
+    assert widths["o__payload"] == bitpack.width(ALL[unit].output) + tag_width
     for port in manifest["ports"]:
         if "fields" in port:  # they fill the payload without a gap
             ends = [field["offset"] + field["width"] for field in port["fields"]]
