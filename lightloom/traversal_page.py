@@ -33,31 +33,32 @@ def _thousands(name: str) -> Cell:
     return lambda row: round(row[name] / 1000)
 
 
-MEASURED: dict[str, Cell] = {
+CYCLES: dict[str, Cell] = {
     "rays": _plain("rays"),
     "cycles a ray": _rounded("cycles_per_ray"),
     "node tests": _rounded("node_tests"),
     "triangle tests": _rounded("triangle_tests"),
     "leaf visits": _rounded("leaf_visits"),
     "ratio": _rounded("ratio"),
+    "mismatches": _plain("mismatches"),
+    "kHz": _thousands("cycles_per_second"),
+}
+WORK: dict[str, Cell] = {
     "node test %": _parts("node"),
     "triangle test %": _parts("triangle"),
     "node cache": _percent("node_hits"),
     "triangle cache": _percent("triangle_hits"),
     "bytes a ray": lambda row: round(row["bytes_per_ray"]),
-    "mismatches": _plain("mismatches"),
-    "kHz": _thousands("cycles_per_second"),
 }
-TABLES: dict[str, tuple[str, dict[str, Cell]]] = {
-    "speed": (
-        "One unit: diffuse rays, nearest hit",
-        {name: _plain(name) for name in ("scene", "width", "contexts", "latency")} | MEASURED,
-    ),
-    "units": (
-        "Units at one memory port, latency 100",
-        {name: _plain(name) for name in ("scene", "units")} | MEASURED,
-    ),
-    "identity": (
+SWEPT: dict[str, Cell] = {name: _plain(name) for name in ("scene", "width", "contexts", "latency")}
+UNITS: dict[str, Cell] = {name: _plain(name) for name in ("scene", "units")}
+TABLES: list[tuple[str, str, dict[str, Cell]]] = [
+    ("speed", "One unit: diffuse rays, nearest hit", SWEPT | CYCLES),
+    ("speed", "One unit: where the cycles go", SWEPT | WORK),
+    ("units", "Units at one memory port, latency 100", UNITS | CYCLES),
+    ("units", "Units at one memory port: where the cycles go", UNITS | WORK),
+    (
+        "identity",
         "Against the golden model: all families of rays, nearest hit and any hit",
         {
             **{name: _plain(name) for name in ("scene", "width", "condition", "rays", "mismatches")},
@@ -67,7 +68,8 @@ TABLES: dict[str, tuple[str, dict[str, Cell]]] = {
             "revisits": _rounded("revisits", 4),
         },
     ),
-    "boxes": (
+    (
+        "boxes",
         "The box test against exact arithmetic",
         {
             **{name: _plain(name) for name in ("family", "pairs")},
@@ -77,13 +79,13 @@ TABLES: dict[str, tuple[str, dict[str, Cell]]] = {
             "false accepts": _percent("false_accepts", 3),
         },
     ),
-}
-"""Title and columns of each table."""
+]
+"""Rows, title and columns of each table."""
 
 
 def tables(measured: dict[str, list[dict[str, Any]]]) -> Iterator[tuple[str, list[str], list[list[object]]]]:
     """Title, columns and cells of every table of `bench_traversal.measure` that has rows."""
-    for name, (title, columns) in TABLES.items():
+    for name, title, columns in TABLES:
         if measured[name]:
             yield title, list(columns), [[cell(row) for cell in columns.values()] for row in measured[name]]
 

@@ -8,8 +8,12 @@ import pytest
 
 from golden_model import bitpack
 from golden_model.errors import InputError
-from golden_model.formats import BVH_MAGIC, RAY_QUERY, RAY_RESULT
-from rtl.config import Config
+from golden_model.formats import BVH_MAGIC, RAY_QUERY, RAY_RESULT, TRACE_ERRORS
+from golden_model.ray_families import RAY_FAMILIES
+from golden_model.scene import load_scene
+from golden_model.wide_bvh import build_wide
+from golden_model.wide_traversal import COUNTS, queries_of, trace_tree
+from rtl.config import PRESETS, Config
 from sim import toolchain
 from sim.traversal import TraversalError, TraversalUnit, port_widths
 
@@ -140,3 +144,86 @@ def test_a_simulator_is_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_port_widths() -> None:
     ports = port_widths(STAND_IN, "traversal")
     assert (ports["clk"], ports["m_axi_rdata"], ports["count_leaf_visits"]) == (1, 512, 16)
+
+
+# --- the unit itself ------------------------------------------------------------------------------------------------
+
+
+@cache
+def unit() -> TraversalUnit:
+    return TraversalUnit(PRESETS["base"])
+
+
+@cache
+def box() -> np.ndarray:
+    return build_wide(load_scene("cornell-box").triangles).blocks
+
+
+@cache
+def all_families(part: int = 400) -> np.ndarray:
+    """An equal part of each family, for the nearest hit and for any hit, with random masks, some culled."""
+    rng = np.random.default_rng(SEED)
+    triangles = load_scene("cornell-box").triangles
+    rays = np.concatenate([family(triangles, part, SEED + k) for k, family in enumerate(RAY_FAMILIES.values())])
+    rays = np.concatenate([rays, rays])
+    mask = rng.choice(np.array([0xFF, 0x01, 0x80, 0], dtype=np.uint8), len(rays), p=[0.85, 0.05, 0.05, 0.05])
+    out = queries_of(rays, any_hit=np.arange(len(rays)) >= len(rays) // 2, cull=rng.random(len(rays)) < 0.25, mask=mask)
+    return out[rng.permutation(len(out))]
+
+
+def compare(results: np.ndarray, want: np.ndarray) -> None:
+    wrong = np.flatnonzero(~bitpack.equal(results, want))
+    assert not len(wrong), (
+        f"seed {SEED}, ray {wrong[0]}: {all_families()[wrong[0]]}: {results[wrong[0]]} {want[wrong[0]]}"
+    )
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"overlap": 1},
+        {"latency": 0},
+        {"latency": 40, "reorder": 100, "interleave": True, "memory_stall": 64, "stall_seed": SEED},
+        {"overlap": 2, "latency": 10, "bandwidth": 40, "seed": 7, "base": 1 << 26},
+    ],
+)
+def test_the_unit_gives_the_golden_results(options: dict) -> None:
+    run = unit().run(box(), all_families(), **options)
+    want, counts = trace_tree(box(), all_families())
+    compare(run.results, want)
+    assert run.counters["rays"] == len(all_families())
+    assert (run.beats, run.load_error) == (run.counters["beats"], 0)
+    # More visits at a time may be in vain, and no fewer are made.
+    for name in COUNTS.names or ():
+        golden = int(counts[name].sum())
+        assert golden == run.counters[name] if options.get("overlap") == 1 else golden <= run.counters[name], name
+
+
+def test_errors_are_the_golden_models() -> None:
+    """Blocks that cannot be read, and blocks that are wrong."""
+    blocks = box().copy()
+    blocks[11, 0] ^= 3
+    run = unit().run(blocks, all_families(), bad_blocks=(5, 6), overlap=1)
+    want, _ = trace_tree(blocks, all_families(), bad_blocks=(5, 6))
+    compare(run.results, want)
+    assert {TRACE_ERRORS[name] for name in ("none", "memory", "kind")} == set(run.results["error"])
+    assert run.counters["errors"] == (run.results["error"] != 0).sum()
+    blocks[0, 3] ^= 1
+    run = unit().run(blocks, all_families())
+    compare(run.results, trace_tree(blocks, all_families())[0])
+    assert run.load_error != 0
+    assert (run.results["error"] == TRACE_ERRORS["header"]).all()
+
+
+def test_a_scene_without_triangles() -> None:
+    blocks = build_wide(load_scene("cornell-box").triangles[:0]).blocks
+    run = unit().run(blocks, all_families())
+    assert bitpack.equal(run.results, trace_tree(blocks, all_families())[0]).all()
+    assert (run.results["primitive"] == -1).all()
+
+
+def test_memory_is_hidden_by_other_rays() -> None:
+    """Where everything is in the caches, the latency of the memory costs a few first blocks."""
+    queries = queries_of(RAY_FAMILIES["diffuse"](load_scene("cornell-box").triangles, 4000, SEED))
+    cycles = {latency: unit().run(box(), queries, latency=latency).cycles for latency in (0, 200)}
+    assert cycles[200] < 1.1 * cycles[0] + 1000
