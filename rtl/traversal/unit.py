@@ -70,7 +70,7 @@ class Traversal(wiring.Component):
         config = self._config
         visits = config.contexts * config.overlap
         m.submodules.loader = loader = Loader(config.address_width)
-        m.submodules.header = header = self._header
+        m.submodules.header_reader = header = self._header
         m.submodules.intake = intake = Intake(config)
         m.submodules.control = control = Control(config)
         m.submodules.nodes = nodes = NodeStage(config)
