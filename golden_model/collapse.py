@@ -102,8 +102,9 @@ def _plan(bvh: Bvh, spans: np.ndarray, area: np.ndarray, width: int) -> _Plan:
 
     may_be_leaf = sizes == 1
     two = np.flatnonzero(sizes == 2)
-    pairs = bvh.triangles.take(primitive[spans[two, 0]]), bvh.triangles.take(primitive[spans[two, 0] + 1])
-    may_be_leaf[two] = (shared_vertices(*pairs) >= 0).sum(axis=1) >= 2
+    # In the order in which a leaf holds them: of a triangle with two equal vertices both may be shared by one.
+    pairs = np.sort(primitive[np.stack([spans[two, 0], spans[two, 0] + 1])], axis=0)
+    may_be_leaf[two] = (shared_vertices(*bvh.triangles.take(pairs)) >= 0).sum(axis=1) >= 2
 
     leaf = np.zeros(len(area), dtype=bool)
     shares = np.zeros((width + 1, len(area), 2), dtype=np.uint8)

@@ -377,6 +377,22 @@ def test_a_leaf_of_one_triangle_has_no_second(backend: str) -> None:
     assert counts.tolist() == [(1, 0, 2, 1)]
 
 
+@pytest.mark.parametrize("swap", [False, True])
+def test_a_degenerate_triangle_takes_no_vertex_from_another(swap: bool) -> None:
+    """Both its equal vertices are the other's, but only one of the other's is its."""
+    corners = np.array([[[0, 0, 1], [9, 9, 1], [0, 0, 1]], [[0, 0, 1], [3, 0, 1], [0, 3, 1]]], dtype=float)
+    triangles = ray_vectors.triangles(corners[::-1] if swap else corners)
+    for offset in (-10, 10):
+        # Either of them may lie left in the binary tree.
+        moved = triangles.copy()
+        for name in ("v0", "v1", "v2"):
+            moved[name][int(swap)] += np.array([offset, 0, 0]) * (triangles[name][int(swap)] == 9)
+        tree = build_wide(moved)
+        queries = queries_of(ray_vectors.rays(np.array([[1, 1, 0]]), np.array([[0, 0, 1]])))
+        results, _ = trace_tree(tree.blocks, queries)
+        assert (results["primitive"][0], results["t"][0]) == (int(not swap), 1)
+
+
 # --- broken trees -------------------------------------------------------------------------------------------------
 
 
