@@ -6,7 +6,7 @@ time, its counts too. What is measured depends on the seed alone, but for the sp
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -106,7 +106,9 @@ def measure(sweep: Sweep, advance: Advance) -> dict[str, list[Row]]:
             tables[table].append(row)
             advance(1)
 
-    # All scenes on a simulator before the next one: the results show up in the order in which they are built.
+    for scene in sweep.scenes:
+        _triangles(scene)  # what cannot be read is found out before the work
+    # All scenes on a simulator before the next one is built.
     for width in sweep.widths:
         for contexts in sweep.contexts:
             collect("speed", _speed(sweep, width, contexts))
@@ -213,12 +215,12 @@ def _unit(config: Config, bits: int) -> TraversalUnit:
     return TraversalUnit(config, memory_bits=bits)
 
 
-@lru_cache(maxsize=4)
+@cache
 def _triangles(scene: str) -> np.ndarray:
     return load_scene(scene).triangles
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=6)
 def _tree(scene: str, width: int, levels: int) -> np.ndarray:
     return build_wide(_triangles(scene), width=width, max_levels=levels).blocks
 

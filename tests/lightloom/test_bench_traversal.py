@@ -1,0 +1,71 @@
+"""`lightloom bench traversal`: what it measures, the page made of it. The simulator is the base preset's."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from lightloom.bench_traversal import CONDITIONS, Sweep, default_sweep, measure
+from lightloom.traversal_page import page, tables
+
+from .conftest import Run
+
+SMALL = Sweep(scenes=("cornell-box",), latencies=(0, 100), rays=600, identity_rays=400, box_pairs=2000)
+
+
+def test_measured(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lightloom.bench_traversal.default_sweep", lambda full: replace(SMALL, units=(1,)))
+    outcome = cli("bench", "traversal", "--latency", "0,50", "--json")
+    assert outcome.code == 0, outcome
+    report = json.loads(outcome.out)
+    measured = report["traversal"]
+    assert report["results"] == []
+    assert [row["latency"] for row in measured["speed"]] == [0, 50]
+    assert [row["condition"] for row in measured["identity"]] == list(CONDITIONS)
+    assert [row["mismatches"] for name in ("speed", "units", "identity") for row in measured[name]] == [0] * 5
+    assert measured["identity"][0]["count_mismatches"] == 0
+    for row in measured["speed"]:
+        assert row["node_tests"] > 1
+        assert row["ratio"] >= 1
+        assert row["cycles_per_ray"] == pytest.approx(
+            row["ratio"] * max(row["node_tests"], row["triangle_tests"]), rel=0.1
+        )
+        for unit in ("node", "triangle"):
+            parts = sum(row[f"{unit}_{state}"] for state in ("busy", "starved", "stalled"))
+            assert parts == pytest.approx(1, abs=0.05)
+        assert 0 < row["node_hits"] <= 1
+        assert row["bytes_per_ray"] > 0
+    assert all(row["false_rejects"] == 0 for row in measured["boxes"])
+    text = page(report)
+    for title, columns, rows in tables(measured):
+        assert f"## {title}\n\n| {' | '.join(columns)} |\n" in text
+        assert len(rows) in (1, 2, len(measured["boxes"]))
+
+
+def test_runs_are_what_the_progress_counts() -> None:
+    done: list[float] = []
+    measure(replace(SMALL, latencies=(10,)), done.append)
+    assert sum(done) == replace(SMALL, latencies=(10,)).runs
+
+
+def test_the_full_sweep_has_all_that_the_quick_one_has() -> None:
+    quick, full = default_sweep(False), default_sweep(True)
+    for name in ("scenes", "widths", "contexts", "latencies", "units"):
+        assert set(getattr(quick, name)) <= set(getattr(full, name))
+    assert full.identity_rays >= 100_000
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--width", "5"], ["--width 5", "4, 8"]),
+        (["--contexts", "64,7"], ["--contexts 64,7", "7 is not possible", "4, 8, 16"]),
+        (["--units", "0"], ["--units 0", "1 to 16"]),
+        (["--latency", "fast"], ["--latency fast", "whole numbers"]),
+        (["--preset", "bass"], ["preset 'bass'", "base"]),
+        (["--rays", "0"], ["--rays 0", "at least 1"]),
+        (["--scene", "no-such-scene.obj"], ["no-such-scene.obj"]),
+    ],
+)
+def test_bad_options(cli: Run, options: list[str], words: list[str]) -> None:
+    cli("bench", "traversal", *options).refused(*words)
