@@ -29,6 +29,10 @@ Advance = Callable[[float], None]
 Row = dict[str, Any]
 
 
+SWEPT = {"width": "widths", "contexts": "contexts", "latency": "latencies", "units": "units"}
+"""Options that take several numbers, and the field of the `Sweep` that each one gives."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Sweep:
     """What is measured."""
@@ -58,6 +62,24 @@ class Sweep:
         shapes = len(self.scenes) * len(self.widths)
         speeds = shapes * len(self.contexts) * len(self.latencies) + len(self.scenes) * len(self.units)
         return speeds + shapes * len(CONDITIONS) + 1
+
+
+def command_of(sweep: Sweep) -> str:
+    """The command line that measures a sweep of the command line."""
+    full = sweep.identity_rays == default_sweep(True).identity_rays
+    words = ["lightloom bench traversal", *(["--full"] if full else [])]
+    default = default_sweep(full)
+    if sweep.preset != default.preset:
+        words += ["--preset", sweep.preset]
+    if sweep.scenes != default.scenes:
+        words += [f"--scene {scene}" for scene in sweep.scenes]
+    if sweep.rays != default.rays:
+        words += ["--rays", str(sweep.rays)]
+    for option, field in SWEPT.items():
+        numbers = getattr(sweep, field)
+        if numbers != getattr(default, field):
+            words += [f"--{option}", ",".join(map(str, numbers))]
+    return " ".join([*words, "--json"])
 
 
 def default_scenes(full: bool) -> tuple[str, ...]:
@@ -95,8 +117,11 @@ CONDITIONS: dict[str, dict[str, Any]] = {
 the other, while the unit is otherwise empty: therefore latencies are short."""
 
 
-def measure(sweep: Sweep, advance: Advance) -> dict[str, list[Row]]:
-    """Tables of rows ready for JSON, one row a run: `speed`, `units`, `identity`, `boxes`; `advance` after each run."""
+def measure(sweep: Sweep, advance: Advance) -> dict[str, Any]:
+    """Ready for JSON: `command`, and the tables `speed`, `units`, `identity` and `boxes`, lists of rows.
+
+    `advance` is told of each run that is done.
+    """
     from lightloom.bench_boxes import box_test_figures
 
     tables: dict[str, list[Row]] = {"speed": [], "units": [], "identity": [], "boxes": []}
@@ -118,7 +143,7 @@ def measure(sweep: Sweep, advance: Advance) -> dict[str, list[Row]]:
     figures = box_test_figures(sweep.box_pairs, SEED)
     tables["boxes"] = [{"family": family, **values} for family, values in figures.items()]
     advance(1)
-    return tables
+    return {"command": command_of(sweep), **tables}
 
 
 def _speed(sweep: Sweep, width: int, contexts: int) -> Iterator[Row]:

@@ -83,7 +83,7 @@ TABLES: list[tuple[str, str, dict[str, Cell]]] = [
 """Rows, title and columns of each table."""
 
 
-def tables(measured: dict[str, list[dict[str, Any]]]) -> Iterator[tuple[str, list[str], list[list[object]]]]:
+def tables(measured: dict[str, Any]) -> Iterator[tuple[str, list[str], list[list[object]]]]:
     """Title, columns and cells of every table of `bench_traversal.measure` that has rows."""
     for name, title, columns in TABLES:
         if measured[name]:
@@ -93,11 +93,14 @@ def tables(measured: dict[str, list[dict[str, Any]]]) -> Iterator[tuple[str, lis
 PREAMBLE = """\
 # The traversal unit in figures
 
-<!-- Made by these commands, from the project's folder:
-lightloom bench traversal --full --json > build/traversal.json
-python -m lightloom.traversal_page build/traversal.json > docs/traversal_figures.md -->
+Made by these commands, in the project's folder:
 
-Measured by `lightloom bench traversal --full`: the Verilated [traversal unit](traversal_unit.md), preset `base` but for
+```
+{command} > build/traversal.json
+.venv/bin/python -m lightloom.traversal_page build/traversal.json > docs/traversal_figures.md
+```
+
+The Verilated [traversal unit](traversal_unit.md), preset `base` but for
 what a table names, with [the memory of the simulations](axi_memory.md) behind it (512 bits, a beat a cycle). Every run
 is compared with the golden model in all bits, so "mismatches" counts rays.
 
@@ -112,7 +115,7 @@ time.
 def page(report: dict[str, Any]) -> str:
     """The page; `report` is the JSON of the command."""
     here = report["machine"]
-    parts = [PREAMBLE, f"Simulated on {here['processor']}."]
+    parts = [PREAMBLE.format(command=report["traversal"]["command"]), f"Simulated on {here['processor']}."]
     for title, columns, rows in tables(report["traversal"]):
         lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
         lines += ["| " + " | ".join(_cell(cell) for cell in row) + " |" for row in rows]

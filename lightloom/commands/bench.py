@@ -12,13 +12,13 @@ from lightloom.inputs import at_least, choose, whole_numbers
 
 _DEFAULT = Sizes()
 TRAVERSAL = "traversal"
-NUMBERS: dict[str, tuple[str, Sequence[int]]] = {
-    "width": ("widths", (4, 8)),
-    "contexts": ("contexts", (4, 8, 16, 32, 64, 128, 256)),
-    "latency": ("latencies", range(65536)),
-    "units": ("units", range(1, 17)),
+NUMBERS: dict[str, Sequence[int]] = {
+    "width": (4, 8),
+    "contexts": (4, 8, 16, 32, 64, 128, 256),
+    "latency": range(65536),
+    "units": range(1, 17),
 }
-"""Options of `traversal`: the field of the `Sweep` that each one gives, and what its numbers may be."""
+"""What the numbers of the options of `traversal` may be."""
 
 
 def bench(
@@ -95,7 +95,7 @@ def bench(
 def _sweep(scenes: list[str] | None, rays: int | None, preset: str, full: bool, **numbers: str | None) -> Any:
     """The `Sweep` that is asked for: the quick or the full one, with what is given in its place."""
     from golden_model.errors import InputError
-    from lightloom.bench_traversal import default_sweep
+    from lightloom.bench_traversal import SWEPT, default_sweep
     from rtl.config import PRESETS
 
     given: dict[str, Any] = {"preset": choose(preset, PRESETS, "preset")}
@@ -103,14 +103,14 @@ def _sweep(scenes: list[str] | None, rays: int | None, preset: str, full: bool, 
         given["scenes"] = tuple(dict.fromkeys(scenes))
     if rays is not None:
         given["rays"] = rays
-    for name, (field, possible) in NUMBERS.items():
+    for name, possible in NUMBERS.items():
         text = numbers[name]
         if text is not None:
             values = tuple(dict.fromkeys(whole_numbers(text, f"--{name}")))
             wrong = [value for value in values if value not in possible]
             if wrong:
                 raise InputError(f"--{name} {text}: {wrong[0]} is not possible; it may be {_range(possible)}")
-            given[field] = values
+            given[SWEPT[name]] = values
     return replace(default_sweep(full), **given)
 
 

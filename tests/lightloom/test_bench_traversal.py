@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from lightloom.bench_traversal import CONDITIONS, Sweep, default_sweep, measure
+from lightloom.bench_traversal import CONDITIONS, Sweep, command_of, default_sweep, measure
 from lightloom.traversal_page import page, tables
 
 from .conftest import Run
@@ -40,6 +40,21 @@ def test_measured(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     for title, columns, rows in tables(measured):
         assert f"## {title}\n\n| {' | '.join(columns)} |\n" in text
         assert len(rows) in (1, 2, len(measured["boxes"]))
+
+
+def test_the_command_of_a_sweep(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It asks for the same sweep."""
+    asked: list[Sweep] = []
+
+    def record(sweep: Sweep, advance: object) -> dict[str, object]:
+        asked.append(sweep)
+        return {"command": "", "speed": [], "units": [], "identity": [], "boxes": []}
+
+    monkeypatch.setattr("lightloom.bench_traversal.measure", record)
+    sweep = Sweep(scenes=("a", "b"), preset="tiny", widths=(4,), contexts=(16, 8), latencies=(7,), units=(1, 4), rays=5)
+    for wanted in (sweep, default_sweep(False), default_sweep(True), replace(default_sweep(True), widths=(8,))):
+        assert cli(*command_of(wanted).split()[1:]).code == 0
+        assert asked.pop() == wanted
 
 
 def test_runs_are_what_the_progress_counts() -> None:
