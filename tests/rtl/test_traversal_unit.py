@@ -13,7 +13,6 @@ import pytest
 from amaranth import Module, Signal, Value
 from amaranth.sim import Simulator
 
-from gen.verilog import convert
 from golden_model import bitpack
 from golden_model.formats import (
     BLOCK_BYTES,
@@ -34,6 +33,7 @@ from rtl.traversal.counters import COUNTERS
 from rtl.traversal.loader import Loader
 from rtl.traversal.masks import Counts, minus, next_of, one_hot, plus
 from rtl.traversal.unit import Traversal
+from sim.emitted import emitted
 from sim.traversal import TraversalRun, TraversalUnit
 from tests.gen.test_lint import WAIVERS, lint
 from tests.rtl.agreement import fields_in_hex
@@ -59,7 +59,7 @@ COUNTED = ("node_tests", "revisits", "triangle_tests", "leaf_visits")
 
 @functools.cache
 def verilog() -> str:
-    return convert(Traversal(SMALL), "traversal")
+    return emitted("traversal", SMALL)
 
 
 @functools.cache
@@ -148,11 +148,12 @@ def test_one_visit_at_a_time_is_the_golden_traversal(kind: str, family: str) -> 
 def test_hits_do_not_depend_on_the_order(kind: str, overlap: int) -> None:
     each = case(kind, count=800)
     expected, counts = trace_tree(each.blocks, each.queries, stack=SMALL.stack)
-    for options in (
+    memories: tuple[dict[str, Any], ...] = (
         {"latency": 3},
         {"latency": 100, "stall_seed": SEED},
         {"latency": 30, "reorder": 100, "interleave": True, "memory_stall": 60, "stall_seed": SEED + 1},
-    ):
+    )
+    for options in memories:
         run = unit().run(each.blocks, each.queries, overlap=overlap, **options)
         assert_same(run.results, expected, each.queries, f"{kind}, overlap {overlap}, {options}")
         assert run.counters["node_tests"] >= 0.9 * counts["node_tests"].sum()
