@@ -40,7 +40,9 @@ class Sweep:
     scenes: tuple[str, ...]
     """Names or paths, as for `load_scene`."""
     preset: str = "base"
-    """Whatever of the hardware is not swept."""
+    """Whatever of the hardware is not swept,"""
+    settings: tuple[tuple[str, int], ...] = ()
+    """but for these parameters of it: names and values."""
     widths: tuple[int, ...] = (8,)
     """Children of a node."""
     contexts: tuple[int, ...] = (64,)
@@ -71,6 +73,7 @@ def command_of(sweep: Sweep) -> str:
     default = default_sweep(full)
     if sweep.preset != default.preset:
         words += ["--preset", sweep.preset]
+    words += [f"--set {name}={value}" for name, value in sweep.settings]
     if sweep.scenes != default.scenes:
         words += [f"--scene {scene}" for scene in sweep.scenes]
     if sweep.rays != default.rays:
@@ -231,7 +234,7 @@ def _count_mismatches(run: TraversalRun, counts: np.ndarray) -> int:
 
 def _config(sweep: Sweep, *, units: int = 1, **fields: int) -> Config:
     """The preset with other parameters, and a tag with room for twice the rays that may be inside."""
-    config = replace(PRESETS[sweep.preset], units=units, **fields)
+    config = replace(PRESETS[sweep.preset], **dict(sweep.settings), units=units, **fields)
     return replace(config, tag_width=max(config.tag_width, (2 * config.contexts * units - 1).bit_length()))
 
 

@@ -1,7 +1,7 @@
 """`lightloom bench`."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Annotated, Any
 
 import typer
@@ -54,11 +54,16 @@ def bench(
     preset: Annotated[
         str, typer.Option("--preset", metavar="NAME", help="traversal: the other hardware parameters.")
     ] = "base",
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="NAME=N", help="traversal: a hardware parameter, as node_sets=128 (repeatable)."),
+    ] = None,
     full: Annotated[
         bool, typer.Option("--full", help="traversal: the whole sweep, with 100000 rays compared a scene and width.")
     ] = False,
     json: Json = False,
 ) -> None:
+    from golden_model.errors import InputError
     from lightloom.console import Progress, print_json, print_table
     from lightloom.machine import machine, versions
 
@@ -76,9 +81,16 @@ def bench(
         if TRAVERSAL in chosen:
             from lightloom.bench_traversal import measure
 
-            sweep = _sweep(scene, rays, preset, full, width=width, contexts=contexts, latency=latency, units=units)
+            sweep = _sweep(
+                scene, rays, preset, settings or [], full, width=width, contexts=contexts, latency=latency, units=units
+            )
             with progress.stage(TRAVERSAL, sweep.runs) as advance:
-                report[TRAVERSAL] = measure(sweep, advance)
+                try:
+                    report[TRAVERSAL] = measure(sweep, advance)
+                except ValueError as error:  # of hardware with these parameters
+                    if not settings:
+                        raise
+                    raise InputError(f"--set {' --set '.join(settings)}: {error}") from error
     here = machine()
     if json:
         print_json({**report, "machine": here, "versions": versions()})
@@ -92,13 +104,17 @@ def bench(
             print_table(title, columns, cells)
 
 
-def _sweep(scenes: list[str] | None, rays: int | None, preset: str, full: bool, **numbers: str | None) -> Any:
+def _sweep(
+    scenes: list[str] | None, rays: int | None, preset: str, settings: list[str], full: bool, **numbers: str | None
+) -> Any:
     """The `Sweep` that is asked for: the quick or the full one, with what is given in its place."""
     from golden_model.errors import InputError
     from lightloom.bench_traversal import SWEPT, default_sweep
     from rtl.config import PRESETS
 
     given: dict[str, Any] = {"preset": choose(preset, PRESETS, "preset")}
+    if settings:
+        given["settings"] = tuple(_setting(text) for text in settings)
     if scenes:
         given["scenes"] = tuple(dict.fromkeys(scenes))
     if rays is not None:
@@ -112,6 +128,20 @@ def _sweep(scenes: list[str] | None, rays: int | None, preset: str, full: bool, 
                 raise InputError(f"--{name} {text}: {wrong[0]} is not possible; it may be {_range(possible)}")
             given[SWEPT[name]] = values
     return replace(default_sweep(full), **given)
+
+
+def _setting(text: str) -> tuple[str, int]:
+    """'node_sets=128' to ('node_sets', 128)."""
+    from golden_model.errors import InputError
+    from lightloom.bench_traversal import SWEPT
+    from rtl.config import PRESETS
+
+    name, _, value = text.partition("=")
+    known = [field for field in asdict(PRESETS["base"]) if field not in (*SWEPT, "tag_width")]
+    choose(name, known, "parameter")
+    if not value.isdecimal():
+        raise InputError(f"--set {text}: give a name and a whole number, such as node_sets=128")
+    return name, int(value)
 
 
 def _range(possible: Sequence[int]) -> str:

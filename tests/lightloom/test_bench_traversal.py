@@ -12,6 +12,9 @@ from .conftest import Run
 
 SMALL = Sweep(scenes=("cornell-box",), latencies=(0, 100), rays=600, identity_rays=400, box_pairs=2000)
 
+SAME = {name: getattr(default_sweep(False), name) for name in ("identity_rays", "box_pairs")}
+"""What has no option."""
+
 
 def test_measured(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lightloom.bench_traversal.default_sweep", lambda full: replace(SMALL, units=(1,)))
@@ -52,7 +55,8 @@ def test_the_command_of_a_sweep(cli: Run, monkeypatch: pytest.MonkeyPatch) -> No
 
     monkeypatch.setattr("lightloom.bench_traversal.measure", record)
     sweep = Sweep(scenes=("a", "b"), preset="tiny", widths=(4,), contexts=(16, 8), latencies=(7,), units=(1, 4), rays=5)
-    for wanted in (sweep, default_sweep(False), default_sweep(True), replace(default_sweep(True), widths=(8,))):
+    cached = replace(SMALL, settings=(("node_sets", 128), ("triangle_ways", 4)), **SAME)
+    for wanted in (sweep, cached, default_sweep(False), default_sweep(True), replace(default_sweep(True), widths=(8,))):
         assert cli(*command_of(wanted).split()[1:]).code == 0
         assert asked.pop() == wanted
 
@@ -78,9 +82,19 @@ def test_the_full_sweep_has_all_that_the_quick_one_has() -> None:
         (["--units", "0"], ["--units 0", "1 to 16"]),
         (["--latency", "fast"], ["--latency fast", "whole numbers"]),
         (["--preset", "bass"], ["preset 'bass'", "base"]),
+        (["--set", "node_sets=many"], ["--set node_sets=many", "whole number"]),
+        (["--set", "node_set=8"], ["parameter 'node_set'", "node_sets"]),
         (["--rays", "0"], ["--rays 0", "at least 1"]),
         (["--scene", "no-such-scene.obj"], ["no-such-scene.obj"]),
     ],
 )
 def test_bad_options(cli: Run, options: list[str], words: list[str]) -> None:
     cli("bench", "traversal", *options).refused(*words)
+
+
+def test_hardware_that_cannot_be(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def measure(sweep: Sweep, advance: object) -> dict[str, object]:
+        raise ValueError(f"sets must be a power of two, not {dict(sweep.settings)['node_sets']}")
+
+    monkeypatch.setattr("lightloom.bench_traversal.measure", measure)
+    cli("bench", "traversal", "--set", "node_sets=7").refused("--set node_sets=7: sets must be a power of two, not 7")
