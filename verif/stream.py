@@ -64,12 +64,13 @@ class StreamDriver:
         take: Iterator[bool],
         expected: int | None = None,
         until: Callable[[int], bool] = lambda cycle: False,
+        patience: int = HANG_CYCLES,
     ) -> Exchange:
         """Offers `payloads` in order when `give` is willing, takes results when `take` is, until `expected` (as many
         as payloads) have come and a while after, to see one too many; or until `until` says so of a cycle.
 
         Everything is driven after a rising edge and sampled at the falling edge, when it has settled. Fails where a
-        waiting result changes or is withdrawn, or nothing moves any more.
+        waiting result changes or is withdrawn, or nothing moves for `patience` cycles.
         """
         dut, seen = self.dut, Exchange()
         expected = len(payloads) if expected is None else expected
@@ -104,6 +105,6 @@ class StreamDriver:
             cycle += 1
             if len(seen.received) >= expected and cycle - moved > 100:
                 break
-            assert cycle - moved < HANG_CYCLES, f"cycle {cycle}: hangs; {sent} sent, {len(seen.received)} received"
+            assert cycle - moved < patience, f"cycle {cycle}: hangs; {sent} sent, {len(seen.received)} received"
         dut.i__valid.value = 0
         return seen
