@@ -101,14 +101,14 @@ Made by these commands, in the project's folder:
 ```
 
 The Verilated [traversal unit](traversal_unit.md), preset `base` but for what a table or the command names, with
-[the memory of the simulations](axi_memory.md) behind it (512 bits, a beat a cycle). Every run is compared with the golden
-model in all bits; "mismatches" counts rays.
+[the memory of the simulations](axi_memory.md) behind it (512 bits, a beat a cycle). Every run is compared with the
+golden model in all bits; "mismatches" counts rays.
 
 Cycles are from the first ray that enters a cold unit to the last result. **ratio** is cycles over those that the busier
 of the node test and the triangle test needs at least, with several units those of all together: 1 is the ideal. The
 percentages of the two tests are cycles that were busy, starved of work, and stalled. A cache's figure is the part of
-requests whose block was there; requests for blocks on their way are neither. Bytes are those that came from memory; kHz,
-simulated cycles a millisecond of processor time.
+requests whose block was there; requests for blocks on their way are neither. Bytes are those that came from memory;
+kHz, simulated cycles a millisecond of processor time.
 """
 
 
