@@ -65,9 +65,10 @@ class StreamDriver:
         expected: int | None = None,
         until: Callable[[int], bool] = lambda cycle: False,
         patience: int = HANG_CYCLES,
+        linger: int = 100,
     ) -> Exchange:
         """Offers `payloads` in order when `give` is willing, takes results when `take` is, until `expected` (as many
-        as payloads) have come and a while after, to see one too many; or until `until` says so of a cycle.
+        as payloads) have come and `linger` cycles after, to see one too many; or until `until` says so of a cycle.
 
         Everything is driven after a rising edge and sampled at the falling edge, when it has settled. Fails where a
         waiting result changes or is withdrawn, or nothing moves for `patience` cycles.
@@ -103,8 +104,9 @@ class StreamDriver:
                 moved = cycle
             await self._rising
             cycle += 1
-            if len(seen.received) >= expected and cycle - moved > 100:
+            if len(seen.received) >= expected and cycle - moved > linger:
                 break
             assert cycle - moved < patience, f"cycle {cycle}: hangs; {sent} sent, {len(seen.received)} received"
         dut.i__valid.value = 0
+        dut.o__ready.value = 0  # a result that comes later waits for the next exchange
         return seen

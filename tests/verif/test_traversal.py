@@ -8,9 +8,9 @@ import pytest
 
 from rtl.config import PRESETS, Config
 from sim.emitted import emitted
-from sim.runner import run_cocotb
+from sim.runner import BenchError, run_cocotb
 from sim.traversal import port_widths
-from tests.simulators import needs_icarus
+from tests.simulators import SIMULATORS, needs_icarus
 
 SEED = 2718
 TAGS = 14
@@ -40,15 +40,17 @@ def bench(
     *,
     rays: int,
     few: int = 30,
+    patience: int = 20_000,
     verilog: str | None = None,
     only: str | None = None,
 ) -> int:
     """Runs verif/test_traversal.py, or its tests whose names match `only`.
 
-    `rays` go through the unit with all sides stalled; the other tests trace `few` at a time.
+    `rays` go through the unit with all sides stalled; the other tests trace `few` at a time. A unit from which nothing
+    comes in `patience` cycles hangs: a ray that meets every box may take thousands.
     """
     text = emitted("traversal", config) if verilog is None else verilog
-    description = {"seed": SEED, "rays": rays, "few": few}
+    description = {"seed": SEED, "rays": rays, "few": few, "patience": patience}
     description |= {name: getattr(config, name) for name in ("width", "stack", "overlap", "contexts")}
     return run_cocotb(
         "traversal",
@@ -65,10 +67,70 @@ def bench(
 @pytest.mark.parametrize(
     ("simulator", "config", "rays", "few"),
     [
-        pytest.param("verilator", SMALL, 10_000, 30, id="verilator-small"),
         pytest.param("verilator", BASE, 10_000, 30, id="verilator-base"),
-        pytest.param("icarus", SMALL, 1_000, 12, id="icarus-small", marks=[pytest.mark.icarus, needs_icarus]),
+        pytest.param("icarus", SMALL, 1_000, 10, id="icarus-small", marks=[pytest.mark.icarus, needs_icarus]),
     ],
 )
 def test_bench(simulator: str, config: Config, rays: int, few: int, tmp_path: Path) -> None:
     assert bench(tmp_path, simulator, config, rays=rays, few=few) == TESTS
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("simulator", SIMULATORS)
+def test_ten_thousand_rays(simulator: str, tmp_path: Path) -> None:
+    assert bench(tmp_path, simulator, SMALL, rays=10_000) == TESTS
+
+
+# --- broken units -----------------------------------------------------------------------------------------------------
+
+
+SWAPPED = "{ status_read__data[13:1], ~status_read__data[0]"
+
+
+def broken(verilog: str, module: str, original: str, mutant: str) -> str:
+    """The unit with another text in one of its modules."""
+    begin = verilog.index(f"module \\traversal.{module} (")
+    end = verilog.index("endmodule", begin)
+    assert verilog.count(original, begin, end) == 1, f"{original!r} is not once in {module}"
+    return verilog[:begin] + verilog[begin:end].replace(original, mutant) + verilog[end:]
+
+
+@needs_icarus
+@pytest.mark.icarus
+@pytest.mark.parametrize(
+    ("module", "original", "mutant", "only", "message"),
+    [
+        ("node_cache.waiters", "first_d1 <= first;", "first_d1 <= 1'h1;", "stalled/run=0", "hangs"),
+        ("results", "= { status_read__data[13:0]", "= { ~status_read__data[13:0]", "stalled/run=4", "of no ray"),
+        ("results", "= { status_read__data[13:0]", f"= {SWAPPED}", "stalled/run=4", "results differ"),
+        ("results", "<= i__valid", "<= i__valid | (o__valid & ray[0])", "stalled/run=4", "doubled tags"),
+        ("results", "if (moves) o__valid <=", "o__valid <=", "stalled/run=4", "was withdrawn|result changed"),
+        ("results", "= o__valid & o__ready", "= o__valid", "stalled/run=4", "result changed|hangs"),
+        ("arbiter.addresses", "if (moves) o__valid <=", "o__valid <=", "stalled/run=0", "arvalid was withdrawn"),
+        ("triangle_cache.lines", "invalidate ? ", "1'h0 ? ", "another_tree$", "renumbered.*differ"),
+        ("loader", " & idle", "", "another_tree_while", "nothing is there|differ"),
+        ("nodes", "block[63:32] <= visit", "block[63:32] < visit", "damaged_blocks/overlap=one", "own child.*differ"),
+        ("nodes", "> blocks", ">= blocks", "stalled/run=2", "results differ"),
+        ("node_cache.fill", "beat_failed | ", "beat_failed & ", "memory_errors/overlap=one", "SLVERR.*differ"),
+    ],
+    ids=[
+        "lost waiter",
+        "wrong tag",
+        "swapped tags",
+        "doubled",
+        "withdrawn",
+        "freed too early",
+        "address withdrawn",
+        "cache keeps a tree",
+        "load in flight",
+        "cycle",
+        "last block",
+        "error in one beat",
+    ],
+)
+def test_bench_catches_a_broken_unit(
+    module: str, original: str, mutant: str, only: str, message: str, tmp_path: Path
+) -> None:
+    verilog = broken(emitted("traversal", SMALL), module, original, mutant)
+    with pytest.raises(BenchError, match=message):
+        bench(tmp_path, "icarus", SMALL, rays=400, few=10, patience=3000, verilog=verilog, only=only)
