@@ -29,6 +29,8 @@ Generator = np.random.Generator
 RayFamily = Callable[[np.ndarray, int, int], np.ndarray]
 AdversarialKind = Callable[[np.ndarray, int, Generator], np.ndarray]
 
+TEXEL_RAYS = 16
+"""Rays of a texel that follow each other, as many as an update takes by default."""
 T_MIN = 1e-4
 """Where rays begin that start on a surface, in parts of the scene's extent: their own triangle lies before it."""
 
@@ -136,9 +138,31 @@ def diffuse_rays(triangles: np.ndarray, count: int, seed: int) -> np.ndarray:
     infinite. Their order is random, so rays that follow each other have nothing in common.
     """
     rng = np.random.default_rng([seed, 1])
-    extent = bounds(triangles)[2]
+    return _rays_of_points(triangles, *_uniform_points(triangles, count, rng), rng)
+
+
+def texel_rays(triangles: np.ndarray, count: int, seed: int) -> np.ndarray:
+    """As `diffuse_rays`, but as the maintenance of a lightmap emits them: TEXEL_RAYS from a point, and the points in
+    the order of their places, so that rays that follow each other start near each other.
+    """
+    rng = np.random.default_rng([seed, 5])
+    origin, index = _uniform_points(triangles, -(-count // TEXEL_RAYS), rng)
+    order = np.argsort(_place(origin), kind="stable")
+    origin, index = (np.repeat(values[order], TEXEL_RAYS, axis=0)[:count] for values in (origin, index))
+    return _rays_of_points(triangles, origin, index, rng)
+
+
+def _uniform_points(triangles: np.ndarray, count: int, rng: Generator) -> tuple[np.ndarray, np.ndarray]:
+    """As `surface_points`, by area."""
+    bounds(triangles)  # refuses a scene without triangles
     area = area_vectors(corners_of(triangles))
-    origin, index = surface_points(triangles, np.sqrt(dot(area, area)), count, rng)
+    return surface_points(triangles, np.sqrt(dot(area, area)), count, rng)
+
+
+def _rays_of_points(triangles: np.ndarray, origin: np.ndarray, index: np.ndarray, rng: Generator) -> np.ndarray:
+    """RAY (N,) from points (N, 3) on the triangles `index` (N,), cosine-distributed about the triangles' normals."""
+    count = len(origin)
+    extent = bounds(triangles)[2]
     v0, v1, v2 = (triangles[name][index] for name in ("v0", "v1", "v2"))
     # Scaled first, so that no square leaves the range.
     normal = normalize(cross(*(subtract(v, v0) / np.float32(extent) for v in (v1, v2))))
@@ -147,6 +171,18 @@ def diffuse_rays(triangles: np.ndarray, count: int, seed: int) -> np.ndarray:
     rays = rays_from(origin, to_world(local, normal, tangent_of(normal), turn))
     rays["t_min"] = T_MIN * extent
     return rays
+
+
+def _place(points: np.ndarray) -> np.ndarray:
+    """Morton code of points (N, 3) on a grid of 1024 cells an axis around them, (N,) int64."""
+    low = points.min(axis=0)
+    span = np.ptp(points, axis=0).max()
+    cells = np.clip((points - low) / (span if span > 0 else np.float32(1)) * np.float32(1023), 0, 1023).astype(np.int64)
+    code = np.zeros(len(points), dtype=np.int64)
+    for bit in range(10):
+        for axis in range(3):
+            code |= ((cells[:, axis] >> bit) & 1) << (3 * bit + axis)
+    return code
 
 
 def camera_rays(triangles: np.ndarray, count: int, seed: int) -> np.ndarray:

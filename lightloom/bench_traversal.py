@@ -15,7 +15,7 @@ import numpy as np
 
 from golden_model import bitpack
 from golden_model.formats import RAY_QUERY
-from golden_model.ray_families import RAY_FAMILIES, diffuse_rays
+from golden_model.ray_families import RAY_FAMILIES, diffuse_rays, texel_rays
 from golden_model.scene import load_scene
 from golden_model.wide_bvh import build_wide
 from golden_model.wide_traversal import COUNTS, queries_of, trace_tree
@@ -50,7 +50,8 @@ class Sweep:
     latencies: tuple[int, ...] = (0, 100, 400)
     """Of the memory, in cycles."""
     units: tuple[int, ...] = ()
-    """Traversal units at one memory port, each number with the first width and contexts, at latency 100."""
+    """Traversal units at one memory port, each number with the first width and contexts, at latency 100, with rays in
+    each of ORDERS."""
     rays: int = 10_000
     """Diffuse rays of a measured run; times the number of units."""
     identity_rays: int = 4_000
@@ -62,7 +63,7 @@ class Sweep:
     def runs(self) -> int:
         """Steps that `measure` reports."""
         shapes = len(self.scenes) * len(self.widths)
-        speeds = shapes * len(self.contexts) * len(self.latencies) + len(self.scenes) * len(self.units)
+        speeds = shapes * len(self.contexts) * len(self.latencies) + len(self.scenes) * len(self.units) * len(ORDERS)
         return speeds + shapes * len(CONDITIONS) + 1
 
 
@@ -105,6 +106,9 @@ def default_sweep(full: bool) -> Sweep:
         box_pairs=1_000_000,
     )
 
+
+ORDERS = {"random": diffuse_rays, "texel by texel": texel_rays}
+"""Rays that have nothing to do with those before them, and as the maintenance of lightmaps emits them."""
 
 CONDITIONS: dict[str, dict[str, Any]] = {
     "one visit at a time": {"overlap": 1, "latency": 0},
@@ -156,8 +160,8 @@ def _speed(sweep: Sweep, width: int, contexts: int) -> Iterator[Row]:
 
 def _units(sweep: Sweep, units: int) -> Iterator[Row]:
     config = _config(sweep, width=sweep.widths[0], contexts=sweep.contexts[0], units=units)
-    for scene in sweep.scenes:
-        yield _measured(config, scene, sweep.rays * units, 100)
+    for scene, order in product(sweep.scenes, ORDERS):
+        yield _measured(config, scene, sweep.rays * units, 100, order)
 
 
 def _identity(sweep: Sweep, width: int) -> Iterator[Row]:
@@ -180,10 +184,10 @@ def _identity(sweep: Sweep, width: int) -> Iterator[Row]:
         }
 
 
-def _measured(config: Config, scene: str, rays: int, latency: int) -> Row:
+def _measured(config: Config, scene: str, rays: int, latency: int, order: str = "random") -> Row:
     """One row: a run of diffuse rays, closest hit, all sides free."""
     blocks = _tree(scene, config.width, config.stack)
-    queries = queries_of(diffuse_rays(_triangles(scene), rays, SEED))
+    queries = queries_of(ORDERS[order](_triangles(scene), rays, SEED))
     run, different, _ = _run(config, blocks, queries, latency=latency)
     count = run.counters
     cycles = run.cycles * config.units
@@ -193,8 +197,10 @@ def _measured(config: Config, scene: str, rays: int, latency: int) -> Row:
         "width": config.width,
         "contexts": config.contexts,
         "latency": latency,
+        "order": order,
         "rays": rays,
         "cycles_per_ray": run.cycles / rays,
+        "rays_per_cycle": rays / run.cycles,
         "node_tests": count["node_tests"] / rays,
         "triangle_tests": count["triangle_tests"] / rays,
         "leaf_visits": count["leaf_visits"] / rays,

@@ -51,11 +51,12 @@ WORK: dict[str, Cell] = {
     "bytes a ray": lambda row: round(row["bytes_per_ray"]),
 }
 SWEPT: dict[str, Cell] = {name: _plain(name) for name in ("scene", "width", "contexts", "latency")}
-UNITS: dict[str, Cell] = {name: _plain(name) for name in ("scene", "units")}
+UNITS: dict[str, Cell] = {name: _plain(name) for name in ("scene", "order", "units")}
+RATE: dict[str, Cell] = {"rays a cycle": _rounded("rays_per_cycle", 3)}
 TABLES: list[tuple[str, str, dict[str, Cell]]] = [
     ("speed", "One unit: diffuse rays, nearest hit", SWEPT | CYCLES),
     ("speed", "One unit: where the cycles go", SWEPT | WORK),
-    ("units", "Units at one memory port, latency 100", UNITS | CYCLES),
+    ("units", "Units at one memory port, latency 100", UNITS | RATE | CYCLES),
     ("units", "Units at one memory port: where the cycles go", UNITS | WORK),
     (
         "identity",

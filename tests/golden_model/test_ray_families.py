@@ -14,11 +14,13 @@ from golden_model.mesh import area_vectors, dot, without_area
 from golden_model.ray_families import (
     ADVERSARIAL_KINDS,
     RAY_FAMILIES,
+    TEXEL_RAYS,
     adversarial_rays,
     camera_rays,
     corners_of,
     diffuse_rays,
     shadow_rays,
+    texel_rays,
 )
 from golden_model.recorder import TestRecorder
 from golden_model.scene import load_scene
@@ -215,12 +217,26 @@ def test_ranges_end_exactly_at_hits(room: np.ndarray) -> None:
     assert (found & (hits["t"] == np.nextafter(rays["t_min"], np.float32(np.inf)))).mean() > 0.03
 
 
+def test_rays_of_a_texel_follow_each_other_and_texels_lie_side_by_side(room: np.ndarray) -> None:
+    rays = texel_rays(room, 50 * TEXEL_RAYS + 3, SEED)
+    assert len(rays) == 50 * TEXEL_RAYS + 3
+    origins = rays["origin"][: 50 * TEXEL_RAYS].reshape(50, TEXEL_RAYS, 3)
+    assert (origins == origins[:, :1]).all()
+    assert len(np.unique(rays["direction"][:TEXEL_RAYS], axis=0)) > TEXEL_RAYS // 2
+    mixed = np.random.default_rng(SEED).permutation(origins[:, 0])
+
+    def apart(points: np.ndarray) -> float:
+        return float(np.abs(np.diff(points, axis=0)).max(axis=1).mean())
+
+    assert apart(origins[:, 0]) < 0.6 * apart(mixed)
+
+
 def test_nothing_to_start_from_is_refused(room: np.ndarray) -> None:
     for family in RAY_FAMILIES.values():
         with pytest.raises(InputError, match="no triangles to aim rays at"):
             family(room[:0], 10, SEED)
     line = ray_vectors.triangles(np.array([[[0, 0, 0], [1, 0, 0], [2, 0, 0]]], float))
-    for make in (diffuse_rays, shadow_rays):
+    for make in (diffuse_rays, texel_rays, shadow_rays):
         with pytest.raises(InputError, match="no triangle has an area"):
             make(line, 10, SEED)
 

@@ -25,7 +25,7 @@ def test_measured(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     assert report["results"] == []
     assert [row["latency"] for row in measured["speed"]] == [0, 50]
     assert [row["condition"] for row in measured["identity"]] == list(CONDITIONS)
-    assert [row["mismatches"] for name in ("speed", "units", "identity") for row in measured[name]] == [0] * 5
+    assert [row["mismatches"] for name in ("speed", "units", "identity") for row in measured[name]] == [0] * 6
     assert measured["identity"][0]["count_mismatches"] == 0
     for row in measured["speed"]:
         assert row["node_tests"] > 1
