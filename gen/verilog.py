@@ -50,6 +50,8 @@ opt_clean
 # The synchronous reset and enable of what rst reaches; enables only of all other registers.
 opt_dff w:rst %co4:+$mux[S,Y]:+$dff[D] t:$dff %i
 opt_dff -nosdff -simple-dffe
+# What a register takes while it is not enabled has become a don't-care: the other side of its multiplexer stays.
+opt_expr -mux_undef
 # The top of a unit keeps the names of its payloads' fields, for those who look at waves.
 opt_clean -purge {purged}
 opt_clean {top}

@@ -60,8 +60,8 @@ class BoxSetup(DataflowCore):
             sign = flow.logic(f"position{k}_sign", lambda x: x[31], component)
             position.append(flow.logic(f"position{k}", position_of, magnitude, sign, stage=1 in cuts))
 
-        dominant = canonical(flow, "dominant", flow.logic("direction_kz", select, axis, *direction))
-        rate = flow.logic("rate", lambda z: Cat(z[:31], Const(0, 1)), dominant)
+        dominant = flow.logic("dominant", lambda axis, *d: Cat(select(axis, *d)[:31], Const(0, 1)), axis, *direction)
+        rate = canonical(flow, "rate", dominant)
         infinite = flow.logic("infinite", lambda greatest: greatest == INFINITY, greatest)
         shift = flow.logic("underflow", underflow_shift, rate, scale)
         blind = flow.logic("blind", lambda shift, infinite: infinite | (shift >= BLIND_SHIFT), shift, infinite)
