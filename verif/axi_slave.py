@@ -4,6 +4,7 @@ It answers late, in any order and mixed, with errors where it is told to, and st
 not do fails the test in the cycle in which it is done.
 """
 
+import logging
 import random
 from collections import defaultdict, deque
 from collections.abc import Iterator
@@ -77,6 +78,7 @@ class AxiSlave:
         self.lanes = len(getattr(dut, f"{prefix}_rdata")) // 8
         self._addresses = AxiARSink(AxiARBus.from_prefix(dut, prefix), dut.clk, dut.rst)
         self._data = AxiRSource(AxiRBus.from_prefix(dut, prefix), dut.clk, dut.rst)
+        self._addresses.log.setLevel(logging.WARNING)  # both channels tell of every reset
         self._addresses.set_pause_generator(self._stalls())
         self._data.set_pause_generator(self._stalls())
         self._forget()
