@@ -1,11 +1,11 @@
-"""The page docs/traversal_figures.md, made from what `lightloom bench traversal --json` has measured:
+"""The page docs/traversal_figures.md, made from what `lightloom bench traversal --json` has measured, once or in parts:
 
-python -m lightloom.traversal_page build/traversal.json > docs/traversal_figures.md
+python -m lightloom.traversal_page build/traversal1.json build/traversal2.json > docs/traversal_figures.md
 """
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +52,7 @@ WORK: dict[str, Cell] = {
 }
 SWEPT: dict[str, Cell] = {name: _plain(name) for name in ("scene", "width", "contexts", "latency")}
 UNITS: dict[str, Cell] = {name: _plain(name) for name in ("scene", "order", "units")}
-RATE: dict[str, Cell] = {"rays a cycle": _rounded("rays_per_cycle", 3)}
+RATE: dict[str, Cell] = {"rays a cycle": lambda row: float(f"{1 / row['cycles_per_ray']:.3f}")}
 TABLES: list[tuple[str, str, dict[str, Cell]]] = [
     ("speed", "One unit: diffuse rays, nearest hit", SWEPT | CYCLES),
     ("speed", "One unit: where the cycles go", SWEPT | WORK),
@@ -97,8 +97,8 @@ PREAMBLE = """\
 Made by these commands, in the project's folder:
 
 ```
-{command} > build/traversal.json
-.venv/bin/python -m lightloom.traversal_page build/traversal.json > docs/traversal_figures.md
+{commands}
+.venv/bin/python -m lightloom.traversal_page {files} > docs/traversal_figures.md
 ```
 
 The Verilated [traversal unit](traversal_unit.md), preset `base` but for what a table or the command names, with
@@ -113,11 +113,19 @@ kHz, simulated cycles a millisecond of processor time.
 """
 
 
-def page(report: dict[str, Any]) -> str:
-    """The page; `report` is the JSON of the command."""
-    here = report["machine"]
-    parts = [PREAMBLE.format(command=report["traversal"]["command"]), f"Simulated on {here['processor']}."]
-    for title, columns, rows in tables(report["traversal"]):
+def page(reports: Sequence[dict[str, Any]]) -> str:
+    """The page; `reports` are the JSON of the commands. The figures of the box test are those of the first one."""
+    files = [f"build/traversal{number}.json" for number in range(1, len(reports) + 1)]
+    measured = [report["traversal"] for report in reports]
+    commands = [f"{part['command']} > {file}" for part, file in zip(measured, files, strict=True)]
+    together = {name: [row for part in measured for row in part[name]] for name in ("speed", "units", "identity")}
+    together["boxes"] = measured[0]["boxes"]
+    processors = dict.fromkeys(report["machine"]["processor"] for report in reports)
+    parts = [
+        PREAMBLE.format(commands="\n".join(commands), files=" ".join(files)),
+        f"Simulated on {', '.join(processors)}.",
+    ]
+    for title, columns, rows in tables(together):
         lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
         lines += ["| " + " | ".join(_cell(cell) for cell in row) + " |" for row in rows]
         parts += [f"\n## {title}\n", "\n".join(lines)]
@@ -129,4 +137,4 @@ def _cell(value: object) -> str:
 
 
 if __name__ == "__main__":
-    sys.stdout.write(page(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))))
+    sys.stdout.write(page([json.loads(Path(name).read_text(encoding="utf-8")) for name in sys.argv[1:]]))

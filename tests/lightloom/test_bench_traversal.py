@@ -39,10 +39,21 @@ def test_measured(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
         assert 0 < row["node_hits"] <= 1
         assert row["bytes_per_ray"] > 0
     assert all(row["false_rejects"] == 0 for row in measured["boxes"])
-    text = page(report)
+    text = page([report])
     for title, columns, rows in tables(measured):
         assert f"## {title}\n\n| {' | '.join(columns)} |\n" in text
         assert len(rows) in (1, 2, len(measured["boxes"]))
+
+
+def test_a_page_of_two_reports() -> None:
+    row = {"scene": "room", "width": 8, "condition": "any", "rays": 5, "mismatches": 0, "count_mismatches": 0}
+    row |= {"cycles_per_ray": 1.0, "node_tests": 1.0, "revisits": 0.0}
+    report = {"machine": {"processor": "any"}}
+    empty: dict[str, object] = {"speed": [], "units": [], "boxes": []}
+    parts = [{"command": f"run {scene}", "identity": [row | {"scene": scene}], **empty} for scene in ("hall", "room")]
+    text = page([report | {"traversal": part} for part in parts])
+    assert "run hall > build/traversal1.json\nrun room > build/traversal2.json\n" in text
+    assert text.index("| hall | 8 |") < text.index("| room | 8 |")
 
 
 def test_the_command_of_a_sweep(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
