@@ -9,13 +9,15 @@ import pytest
 from golden_model import bitpack
 from golden_model.errors import InputError
 from golden_model.formats import BVH_MAGIC, RAY_QUERY, RAY_RESULT, TRACE_ERRORS
-from golden_model.ray_families import RAY_FAMILIES
+from golden_model.ray_families import RAY_FAMILIES, diffuse_rays
 from golden_model.scene import load_scene
 from golden_model.wide_bvh import build_wide
 from golden_model.wide_traversal import COUNTS, queries_of, trace_tree
 from rtl.config import PRESETS, Config
 from sim import toolchain
 from sim.traversal import TraversalError, TraversalUnit, port_widths
+from tests.golden_model import meshes
+from tests.golden_model.test_watertight import Mesh
 
 STAND_IN = Path(__file__).with_name("traversal_stand_in.v").read_text(encoding="utf-8")
 SEED, COUNT, BLOCKS = 53, 5000, 300
@@ -227,3 +229,26 @@ def test_memory_is_hidden_by_other_rays() -> None:
     queries = queries_of(RAY_FAMILIES["diffuse"](load_scene("cornell-box").triangles, 4000, SEED))
     cycles = {latency: unit().run(box(), queries, latency=latency).cycles for latency in (0, 200)}
     assert cycles[200] < 1.1 * cycles[0] + 1000
+
+
+def test_every_ray_that_must_hit_a_watertight_mesh_does() -> None:
+    """Rays at vertices, edges and faces of closed meshes and height fields, through the whole unit: 21,600."""
+    for shape, size in [("sphere", 4), ("torus", 64), ("height field", 64)]:
+        for turned in (False, True):
+            mesh = Mesh(shape, size, turned)
+            rays, by = mesh.rays(3600)
+            blocks = build_wide(mesh.bvh.triangles).blocks
+            results = unit().run(blocks, queries_of(rays)).results
+            leaks = np.flatnonzero((results["primitive"] < 0) | (results["t"] > by * 1.001))
+            assert not len(leaks), f"{shape}, turned {turned}: {len(leaks)} rays, the first is {rays[leaks[0]]}"
+            assert bitpack.equal(results, trace_tree(blocks, queries_of(rays))[0]).all()
+
+
+def test_stacks_that_are_read_and_written_all_the_time() -> None:
+    """Many rays on a scene that needs deep stacks, at a latency where visits of a ray often come back together."""
+    triangles = meshes.bunny()
+    blocks = build_wide(triangles).blocks
+    queries = queries_of(diffuse_rays(triangles, 20_000, SEED))
+    results = unit().run(blocks, queries, latency=30).results
+    wrong = np.flatnonzero(~bitpack.equal(results, trace_tree(blocks, queries)[0]))
+    assert not len(wrong), f"seed {SEED}: {len(wrong)} rays differ, the first is {queries[wrong[0]]}"
