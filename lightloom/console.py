@@ -63,14 +63,14 @@ class Progress:
 
 
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-    """A table on stdout; columns whose cells are numbers are set right-aligned."""
+    """A table on stdout; columns whose cells are numbers, or None, are set right-aligned. None is a dash."""
     from rich.console import Console
     from rich.table import Table
 
     table = Table(title=title, title_justify="left", title_style="bold")
     for index, column in enumerate(columns):
         numeric = bool(rows) and all(
-            isinstance(row[index], int | float | np.number) or row[index] == "" for row in rows
+            isinstance(row[index], int | float | np.number) or row[index] in ("", None) for row in rows
         )
         table.add_column(column, justify="right" if numeric else "left")
     for row in rows:
@@ -80,6 +80,8 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[obje
 
 
 def _cell(value: object) -> str:
+    if value is None:
+        return "-"
     if isinstance(value, bool | np.bool_):
         return "yes" if value else "no"
     if isinstance(value, int | np.integer):
