@@ -13,13 +13,8 @@ from rtl.config import Config
 from rtl.layouts import packet_of
 from rtl.queues import Buffer
 from rtl.traversal.counters import COUNTER_BITS, COUNTERS
-from rtl.traversal.intake import PREPARED
 from rtl.traversal.masks import next_of
 from rtl.traversal.unit import Traversal
-
-RUN = PREPARED // 2
-"""Rays in a row that go to the same unit. Rays that follow each other often start near each other, and then a unit's
-caches serve several of them. More would leave the other units without rays meanwhile."""
 
 
 def traversal(config: Config) -> wiring.Component:
@@ -30,10 +25,10 @@ def traversal(config: Config) -> wiring.Component:
 class TraversalArray(wiring.Component):
     """`config.units` units, at least two, with the ports of one (`rtl.traversal.unit`).
 
-    `RUN` rays go to one unit, as many to the next, and so on; results come from any that has one, in turn. Results pass
-    a buffer, and so do the memory port's channels: a cycle each. `loaded` is high when all units have loaded the tree,
-    `load_error` is that of the first unit that has one. The counters are the sums of the units', a cycle later:
-    `count_cycles` counts the cycles of each.
+    A ray goes to a unit that is ready, results come from one that has one, both in turn. Results pass a buffer, and so
+    do the memory port's channels: a cycle each. `loaded` is high when all units have loaded the tree, `load_error` is
+    that of the first unit that has one. The counters are the sums of the units', a cycle later: `count_cycles` counts
+    the cycles of each.
     """
 
     def __init__(self, config: Config):
@@ -76,20 +71,12 @@ class TraversalArray(wiring.Component):
             ]
         wiring.connect(m, arbiter.m_axi, wiring.flipped(self.m_axi))
 
-        # In turn, so that every unit gets as many rays as the others. While one has no room, the others live on the
-        # rays that wait in their intakes.
-        turn, given = Signal(len(units), init=1), Signal(range(RUN))
+        # A unit is only ever offered a ray while it is ready, so no offer is withdrawn.
         takes = Signal()
-        m.d.comb += [
-            self.i.ready.eq((turn & Cat(unit.i.ready for unit in units)).any()),
-            takes.eq(self.i.valid & self.i.ready),
-        ]
-        with m.If(takes):
-            m.d.sync += given.eq(Mux(given == RUN - 1, 0, given + 1))
-            with m.If(given == RUN - 1):
-                m.d.sync += turn.eq(turn.rotate_left(1))
+        chosen = next_of(m, "taker", Cat(unit.i.ready for unit in units), takes)
+        m.d.comb += [self.i.ready.eq(chosen.any()), takes.eq(self.i.valid & self.i.ready)]
         for k, unit in enumerate(units):
-            m.d.comb += [unit.i.payload.eq(self.i.payload), unit.i.valid.eq(self.i.valid & turn[k])]
+            m.d.comb += [unit.i.payload.eq(self.i.payload), unit.i.valid.eq(self.i.valid & chosen[k])]
 
         # The buffer's `ready` does not wait for `valid`, so that the choice may change until a result is taken.
         m.submodules.results = results = Buffer(self._result)
