@@ -4,9 +4,10 @@ from amaranth import Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-BLOCK_BYTES = 64
-"""What every unit reads at a time, as one burst."""
+from golden_model.formats import BLOCK_BYTES
+
 BLOCK_BITS = 8 * BLOCK_BYTES
+"""What every unit reads at a time, as one burst."""
 INCR = 0b01
 """`arburst` of a burst over ascending addresses."""
 

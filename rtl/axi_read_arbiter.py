@@ -5,7 +5,7 @@ from amaranth.lib import data
 from amaranth.lib.wiring import Component, In, Out
 
 from rtl.axi import AxiRead
-from rtl.block_lines import any_of, lowest, number_of
+from rtl.one_hot import any_of, lowest, number_of
 from rtl.queues import Buffer
 
 

@@ -16,7 +16,8 @@ from amaranth.lib import data, stream, wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
-from rtl.axi import BLOCK_BITS, BLOCK_BYTES, INCR, AxiRead
+from golden_model.formats import BLOCK_BYTES
+from rtl.axi import BLOCK_BITS, INCR, AxiRead
 from rtl.block_fill import BlockFill
 from rtl.block_lines import BLOCK_NUMBER_BITS, BlockLines
 from rtl.pipeline import register

@@ -5,13 +5,12 @@ The state of a line is four flip-flops: `present` (its label counts), `pending` 
 RAMs, one a way.
 """
 
-from collections.abc import Iterable
-
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import Component, In, Out
 
+from rtl.one_hot import any_of, lowest, number_of
 from rtl.pipeline import register
 from rtl.queues import number_width
 
@@ -169,22 +168,3 @@ def set_of(block: Value, bits: int) -> Value:
     for first in range(bits, len(block), bits):
         result = result ^ block[first : first + bits]
     return result
-
-
-def any_of(values: Iterable[Value]) -> Value:
-    """The or of all of them, bit by bit."""
-    result, *others = values
-    for value in others:
-        result = result | value
-    return result
-
-
-def number_of(one_hot: Value) -> Value:
-    """The number of the only bit that is set; no bits wide where there is only one."""
-    width = (len(one_hot) - 1).bit_length()
-    return Cat(Cat(bit for k, bit in enumerate(one_hot) if k >> place & 1).any() for place in range(width))
-
-
-def lowest(bits: Value) -> Value:
-    """Only the lowest bit that is set."""
-    return bits & (~bits + 1)[: len(bits)]

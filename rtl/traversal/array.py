@@ -8,9 +8,9 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import RAY_QUERY, RAY_RESULT
 from rtl.axi_read_arbiter import AxiReadArbiter
-from rtl.block_lines import any_of
 from rtl.config import Config
 from rtl.layouts import packet_of
+from rtl.one_hot import any_of
 from rtl.queues import Buffer
 from rtl.traversal.counters import COUNTER_BITS, COUNTERS
 from rtl.traversal.masks import next_of

@@ -10,8 +10,8 @@ from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import TRACE_ERRORS
-from rtl.block_lines import lowest, number_of
 from rtl.config import Config
+from rtl.one_hot import lowest, number_of
 from rtl.traversal.best_hits import ERROR_BITS, Ports, context_bits
 from rtl.traversal.masks import Counts, minus, next_of, one_hot, plus, replace
 from rtl.traversal.records import (

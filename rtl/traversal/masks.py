@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
-from rtl.block_lines import any_of, lowest
+from rtl.one_hot import any_of, lowest
 
 
 def one_hot(number: Value, count: int) -> Value:
