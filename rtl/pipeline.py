@@ -19,18 +19,20 @@ Step = Callable[..., Mapping[str, Any]]
 
 
 class Core(wiring.Component):
-    """A pipelined datapath of fixed latency that accepts one operation a cycle.
+    """A pipelined datapath of fixed latency that accepts one operation a cycle, or one every other cycle.
 
     Ports: `en` (all registers advance), `i` (operands), `o` (results, `latency` enabled cycles later). Data has no
-    reset: validity is kept by whoever uses the core.
+    reset: validity is kept by whoever uses the core. With an `initiation_interval` of 2 also `phase`, which changes
+    with every enabled cycle: operands are taken while it is high.
     """
+
+    initiation_interval = 1
 
     def __init__(self, unit: str, latency: int):
         self.unit = UNITS[unit]
         self.latency = latency
-        super().__init__(
-            {"en": In(1), "i": In(layout_of(self.unit.input)), "o": Out(layout_of(self.unit.output))},
-        )
+        ports = {"en": In(1), "i": In(layout_of(self.unit.input)), "o": Out(layout_of(self.unit.output))}
+        super().__init__(ports | ({"phase": In(1)} if self.initiation_interval == 2 else {}))
 
 
 class StepCore(Core):
@@ -84,8 +86,8 @@ def register(m: Module, en: Value, value: Any, name: str) -> Signal:
 class StreamUnit(wiring.Component):
     """A core between two streams, with a tag that travels with each operation; results keep the operands' order.
 
-    The whole pipeline stops while a result waits at the output and `o.ready` is low, and moves otherwise. Latency is
-    the core's, the initiation interval 1. `i.ready` depends combinationally on `o.ready`, never on `i.valid`.
+    The whole pipeline stops while a result waits at the output and `o.ready` is low, and moves otherwise. Latency and
+    initiation interval are the core's. `i.ready` depends combinationally on `o.ready`, never on `i.valid`.
     """
 
     def __init__(self, core: Core, tag_width: int):
@@ -102,13 +104,24 @@ class StreamUnit(wiring.Component):
     def latency(self) -> int:
         return self.core.latency
 
-    initiation_interval = 1
+    @property
+    def initiation_interval(self) -> int:
+        return self.core.initiation_interval
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
         m.submodules.core = core = self.core
         advance = Signal()
+        taking = Signal()
         valid: Value = self.i.valid
+        if self.initiation_interval == 1:
+            m.d.comb += taking.eq(advance)
+        else:
+            phase = Signal(init=1)
+            valid = valid & phase
+            m.d.comb += [core.phase.eq(phase), taking.eq(advance & phase)]
+            with m.If(advance):
+                m.d.sync += phase.eq(~phase)
         tag: Value = self.i.payload.tag
         m.d.comb += [
             core.en.eq(advance),
@@ -120,11 +133,13 @@ class StreamUnit(wiring.Component):
             with m.If(advance):
                 m.d.sync += held.eq(valid)
             valid = held
-            tag = register(m, advance, tag, f"tag{stage}")
+        # From one operation to the next a tag may stay where it is.
+        for stage in range(-(-self.latency // self.initiation_interval)):
+            tag = register(m, taking, tag, f"tag{stage}")
         m.d.comb += [
             self.o.valid.eq(valid),
             self.o.payload.tag.eq(tag),
             advance.eq(~valid | self.o.ready if self.latency else self.o.ready),
-            self.i.ready.eq(advance),
+            self.i.ready.eq(taking),
         ]
         return m
