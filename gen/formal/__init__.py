@@ -1,0 +1,1 @@
+"""Formal proofs about the RTL: properties as Amaranth modules around it, proved by SymbiYosys (docs/proofs.md)."""

@@ -1,0 +1,137 @@
+"""A formal bench: a component, inputs that may be anything, and what has to hold about it.
+
+It is a top of its own, never part of what is emitted. All that a proof needs of a solver is written in three words:
+`require` (assert), `assume` and `reach` (cover).
+"""
+
+from typing import Any
+
+from amaranth.back import rtlil
+from amaranth.hdl import Assert, Assume, ClockDomain, Const, Cover, Fragment, MemoryInstance, Module, Signal, Value
+from amaranth.lib import wiring
+from amaranth.lib.wiring import In
+
+FIRST = "bench_first_cycle"
+"""The one register whose initial value counts (`gen.formal.solve` strips all others)."""
+
+
+class Bench:
+    """Wraps one component; `rst` is high in the first cycle and anything afterwards.
+
+    Attributes: `m`, the module that the proof adds to, whose `sync` registers are reset with the component;
+    `settled`, this cycle is neither the first nor one of reset: only then does `require` bind.
+    """
+
+    def __init__(self, component: wiring.Component | None = None):
+        self.m = Module()
+        self._domain = ClockDomain("sync")
+        self._inputs: dict[str, Signal] = {}
+        self._labels: set[str] = set()
+        first = Signal(init=1, reset_less=True, name=FIRST)
+        self.m.d.sync += first.eq(0)
+        self.settled = Signal()
+        self.m.d.comb += [Assume(self._domain.rst | ~first), self.settled.eq(~first & ~self._domain.rst)]
+        self._fragment = None
+        if component is not None:
+            self._fragment = self.add("dut", component)
+            for path, member, value in component.signature.flatten(component):
+                if member.flow == In:
+                    self.m.d.comb += Value.cast(value).eq(self.any("__".join(map(str, path)), len(Value.cast(value))))
+
+    def add(self, name: str, component: Any) -> Fragment:
+        """Puts a further component beside the one under test; its inputs are for the proof to drive."""
+        fragment = Fragment.get(component, "formal")  # Amaranth's own FIFOs state their invariants for this platform
+        self.m.submodules[name] = fragment
+        return fragment
+
+    # --- values that the solver chooses -------------------------------------------------------------------------------
+
+    def any(self, name: str, shape: Any = 1) -> Signal:
+        """A value that may change in every cycle: an input of the top."""
+        assert name not in self._inputs
+        self._inputs[name] = Signal(shape, name=name)
+        return self._inputs[name]
+
+    def constant(self, name: str, shape: Any = 1) -> Signal:
+        """A value that may be anything and never changes: a register without reset or initial value."""
+        value = Signal(shape, name=name, reset_less=True)
+        self.m.d.sync += value.eq(value)
+        return value
+
+    # --- what holds ---------------------------------------------------------------------------------------------------
+
+    def require(self, label: str, condition: Any) -> None:
+        """`condition` holds in every settled cycle."""
+        assert label not in self._labels, f"two properties are named {label}"
+        self._labels.add(label)
+        holds = Signal(name=f"require_{label}")
+        statement = Assert(holds)
+        statement.src_loc = (label, 0)  # what solvers name a property by
+        self.m.d.comb += [holds.eq(~self.settled | Value.cast(condition).any()), statement]
+
+    def assume(self, condition: Any) -> None:
+        """The surroundings see to it that `condition` holds in every cycle."""
+        self.m.d.comb += Assume(Value.cast(condition).any())
+
+    def reach(self, label: str, condition: Any) -> None:
+        """There is a run in which `condition` comes to hold: the assumptions leave room for it. `label` is one word."""
+        statement = Cover(self.settled & Value.cast(condition).any())
+        statement.src_loc = (label, 0)
+        self.m.d.comb += statement
+
+    def past(self, value: Any, name: str) -> Signal:
+        """`value` one cycle before; 0 in the first cycle after a reset."""
+        value = Value.cast(value)
+        before = Signal(value.shape(), name=f"past_{name}")
+        self.m.d.sync += before.eq(value)
+        return before
+
+    # --- inside of the component --------------------------------------------------------------------------------------
+
+    def inner(self, path: str) -> Signal:
+        """A signal inside the component, such as "fifo/level": names of submodules, then the signal's."""
+        *modules, name = path.split("/")
+        fragment = self._inside(modules)
+        found = {
+            id(signal): signal
+            for statements in fragment.statements.values()
+            for statement in statements
+            for signal in [*statement._lhs_signals(), *statement._rhs_signals()]
+            if signal.name == name
+        }
+        assert len(found) == 1, f"{path}: {len(found)} signals of this name"
+        return next(iter(found.values()))
+
+    def depth(self, path: str) -> int:
+        """Words of a memory inside the component."""
+        return self._memory(path)._data.depth
+
+    def peek(self, path: str, address: Any, name: str) -> Signal:
+        """What a memory inside the component holds at `address`, without touching it."""
+        memory = self._memory(path)
+        at = Signal(range(memory._data.depth), name=f"{name}_address")
+        data = Signal(len(Value.cast(Signal(memory._data.shape))), name=name)
+        self.m.d.comb += at.eq(address)
+        memory.read_port(domain="comb", addr=at, data=data, en=Const(1), transparent_for=())
+        return data
+
+    def _memory(self, path: str) -> MemoryInstance:
+        memory = self._inside(path.split("/"))
+        assert isinstance(memory, MemoryInstance), f"{path} is no memory"
+        return memory
+
+    def _inside(self, modules: list[str]) -> Fragment:
+        assert self._fragment is not None
+        fragment = self._fragment
+        for module in modules:
+            fragment = fragment.find_subfragment(module)
+        return fragment
+
+    # --- out ----------------------------------------------------------------------------------------------------------
+
+    def rtlil(self) -> str:
+        """The bench as RTLIL, module `top`."""
+        self.m.domains += self._domain
+        fragment = Fragment.get(self.m, None)
+        ports = {"clk": self._domain.clk, "rst": self._domain.rst, **self._inputs}
+        return rtlil.convert_fragment(fragment, {name: (port, None) for name, port in ports.items()}, "top")[0]

@@ -1,0 +1,108 @@
+"""What a property is, how it is shown, and what came of it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from gen.formal.bench import Bench
+
+Status = Literal["proved", "failed", "undecided", "vacuous", "timed out"]
+"""Undecided: the induction found a step that it cannot exclude, and no counterexample. Vacuous: what has to be possible
+under the assumptions is not, so that the proof says nothing."""
+
+HOLDS: Status = "proved"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Induction:
+    """For all time: `depth` cycles from reset, and from any `depth` cycles in which it held to the next."""
+
+    depth: int = 2
+
+    def __str__(self) -> str:
+        return f"induction k={self.depth}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bounded:
+    """For the first `depth` cycles from reset; where a datapath has no state, one cycle says all."""
+
+    depth: int
+
+    def __str__(self) -> str:
+        return f"bounded {self.depth}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Combinational:
+    """For all operands of logic without state."""
+
+    depth: int = 1
+
+    def __str__(self) -> str:
+        return "all operands"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exhaustive:
+    """By trying every input; `inputs` of them."""
+
+    inputs: int
+    depth: int = 1
+
+    def __str__(self) -> str:
+        return f"{self.inputs:,} inputs"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Property:
+    """One row of the table."""
+
+    unit: str
+    """The unit, or the module that units share."""
+    name: str
+    """Together with the unit's it is unique."""
+    says: str
+    """What holds, in one line."""
+    method: Induction | Bounded | Combinational | Exhaustive
+    build: Callable[[], Bench] | None = None
+    """Makes the bench that a solver is given."""
+    check: Callable[[], str] | None = None
+    """Exhaustive ones: tries all inputs and returns what is wrong with the first that is, or nothing."""
+    reach: int = 0
+    """Cycles in which everything that the bench calls reachable must be reached; 0: nothing is asked."""
+    quick: bool = False
+    """Part of the subset that every test run takes."""
+
+    @property
+    def key(self) -> str:
+        return f"{self.unit}/{self.name}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What came of one property."""
+
+    property: Property
+    solver: str
+    status: Status
+    seconds: float
+    note: str = ""
+    """What failed, in one line."""
+    trace: str = ""
+    """The counterexample's waves, a path below the folder of the run."""
+
+    def as_row(self) -> dict[str, object]:
+        """A flat dict for tables and JSON."""
+        return {
+            "unit": self.property.unit,
+            "property": self.property.name,
+            "says": self.property.says,
+            "method": str(self.property.method),
+            "depth": self.property.method.depth,
+            "solver": self.solver,
+            "status": self.status,
+            "seconds": round(self.seconds, 2),
+            "note": self.note,
+            "trace": self.trace,
+        }
