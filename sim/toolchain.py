@@ -22,6 +22,8 @@ from golden_model.outputs import whole_file
 
 VERILATOR_MINIMUM = (5, 36)
 """cocotb 2 needs it."""
+COVERAGE = ["--coverage-line", "--coverage-toggle", "--coverage-max-width", "4096"]
+"""Verilator's options for counting branches and toggles; by itself it leaves out what is wider than 256 bits."""
 
 
 class ToolError(RuntimeError):

@@ -8,6 +8,8 @@ from typing import Any
 from cocotb.clock import Clock
 from cocotb.triggers import ClockCycles, FallingEdge, RisingEdge
 
+from verif.coverage import StreamCycles, note
+
 HANG_CYCLES = 2000
 """Cycles without any transfer after which a unit is taken to hang: far more than any latency and any stall."""
 
@@ -76,6 +78,7 @@ class StreamDriver:
         dut, seen = self.dut, Exchange()
         expected = len(payloads) if expected is None else expected
         offered = False
+        cycles = StreamCycles()
         waiting: int | None = None  # a result that was not taken
         cycle = moved = 0
         while not until(cycle):
@@ -88,7 +91,10 @@ class StreamDriver:
             ready = next(take)
             dut.o__ready.value = int(ready)
             await self._falling
-            if int(dut.o__valid.value):
+            valid = bool(int(dut.o__valid.value))
+            accepted = offered and bool(int(dut.i__ready.value))
+            cycles.add(offered, accepted, valid, ready)
+            if valid:
                 result = int(dut.o__payload.value)
                 assert waiting in (None, result), f"cycle {cycle}: a waiting result changed: {waiting:#x}, {result:#x}"
                 waiting = None if ready else result
@@ -98,7 +104,7 @@ class StreamDriver:
                     moved = cycle
             else:
                 assert waiting is None, f"cycle {cycle}: a waiting result was withdrawn: {waiting:#x}"
-            if offered and int(dut.i__ready.value):
+            if accepted:
                 seen.sent_at.append(cycle)
                 offered = False
                 moved = cycle
@@ -107,6 +113,7 @@ class StreamDriver:
             if len(seen.received) >= expected and cycle - moved > linger:
                 break
             assert cycle - moved < patience, f"cycle {cycle}: hangs; {sent} sent, {len(seen.received)} received"
+        note(cycles.groups())
         dut.i__valid.value = 0
         dut.o__ready.value = 0  # a result that comes later waits for the next exchange
         return seen

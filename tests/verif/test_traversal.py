@@ -1,6 +1,5 @@
 """The traversal unit's bench on both simulators, and units that it has to find broken."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,60 +7,12 @@ import pytest
 
 from rtl.config import PRESETS, Config
 from sim.emitted import emitted
-from sim.runner import BenchError, run_cocotb
-from sim.traversal import port_widths
+from sim.runner import BenchError
 from tests.simulators import SIMULATORS, needs_icarus
+from verif.traversal_bench import SMALL, TAGS, run_traversal_bench
 
-SEED = 2718
-TAGS = 14
-"""Bits of a tag: every ray of a test has its own."""
 TESTS = 26
-SMALL = replace(
-    PRESETS["tiny"],
-    tag_width=TAGS,
-    width=4,
-    stack=6,
-    overlap=3,
-    node_sets=8,
-    node_ways=2,
-    node_misses=6,
-    triangle_sets=8,
-    triangle_ways=2,
-    triangle_misses=4,
-)
-"""Little of everything, so that stacks, caches and queues are full now and then, and Icarus can simulate it."""
 BASE = replace(PRESETS["base"], tag_width=TAGS)
-
-
-def bench(
-    folder: Path,
-    simulator: str,
-    config: Config,
-    *,
-    rays: int,
-    few: int = 30,
-    patience: int = 20_000,
-    verilog: str | None = None,
-    only: str | None = None,
-) -> int:
-    """Runs verif/test_traversal.py, or its tests whose names match `only`.
-
-    `rays` go through the unit with all sides stalled; the other tests trace `few` at a time. A unit from which nothing
-    comes in `patience` cycles hangs: a ray that meets every box may take thousands.
-    """
-    text = emitted("traversal", config) if verilog is None else verilog
-    description = {"seed": SEED, "rays": rays, "few": few, "patience": patience}
-    description |= {name: getattr(config, name) for name in ("width", "stack", "overlap", "contexts")}
-    return run_cocotb(
-        "traversal",
-        {"traversal.v": text},
-        simulator,
-        module="verif.test_traversal",
-        public_ports=list(port_widths(text, "traversal")),
-        extra_env={"LIGHTLOOM_BENCH": json.dumps(description), **({"COCOTB_TEST_FILTER": only} if only else {})},
-        seed=SEED,
-        folder=folder,
-    )
 
 
 @pytest.mark.parametrize(
@@ -72,13 +23,13 @@ def bench(
     ],
 )
 def test_bench(simulator: str, config: Config, rays: int, few: int, tmp_path: Path) -> None:
-    assert bench(tmp_path, simulator, config, rays=rays, few=few) == TESTS
+    assert run_traversal_bench(tmp_path, simulator, config, rays=rays, few=few) == TESTS
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("simulator", SIMULATORS)
 def test_ten_thousand_rays(simulator: str, tmp_path: Path) -> None:
-    assert bench(tmp_path, simulator, SMALL, rays=10_000) == TESTS
+    assert run_traversal_bench(tmp_path, simulator, SMALL, rays=10_000) == TESTS
 
 
 # --- broken units -----------------------------------------------------------------------------------------------------
@@ -133,4 +84,4 @@ def test_bench_catches_a_broken_unit(
 ) -> None:
     verilog = broken(emitted("traversal", SMALL), module, original, mutant)
     with pytest.raises(BenchError, match=message):
-        bench(tmp_path, "icarus", SMALL, rays=400, few=10, patience=3000, verilog=verilog, only=only)
+        run_traversal_bench(tmp_path, "icarus", SMALL, rays=400, few=10, patience=3000, verilog=verilog, only=only)
