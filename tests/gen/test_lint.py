@@ -1,4 +1,4 @@
-"""Emitted Verilog is clean for Verilator, up to the waivers in gen/lint.vlt, and for Icarus as Verilog-2001."""
+"""Emitted Verilog is clean for Verilator, up to the waivers in gen/lint.vlt, for Icarus as Verilog-2001, and for slang."""
 
 import re
 import subprocess
@@ -13,6 +13,16 @@ from sim import toolchain
 from tests.simulators import needs_icarus
 
 WAIVERS = Path(__file__).parents[2] / "gen" / "lint.vlt"
+
+SLANG_WAIVERS: dict[str, str] = {
+    "unused-but-set-net": "Verilator looks for these, and gen/lint.vlt says which may stay",
+    "arith-op-mismatch": "operands narrower than the result: Amaranth gives the result its width",
+    "bitwise-op-mismatch": "the same of and, or, exclusive or",
+    "sign-conversion": "Verilog extends signed operands by their sign; the result is a plain vector",
+}
+"""Warnings of slang that emitted Verilog may give, with the reason. All others of -Weverything are errors."""
+SHIFT = re.compile(r" (<<<?|>>>?) ")
+"""width-trunc is waived for an assigned shift alone: nobody reads its highest bits, and Yosys narrows the result."""
 
 
 def lint(*files: Path, top: str) -> str:
@@ -38,6 +48,38 @@ def test_icarus_as_verilog_2001(emitted: Callable[[str], Path], preset: str) -> 
         assert (done.returncode, done.stdout, done.stderr) == (0, "", ""), unit
 
 
+def slang(source: Path) -> list[str]:
+    """What slang says about a file, parsed, elaborated and analysed, that is not waived: a message and its line each."""
+    pyslang = pytest.importorskip("pyslang", reason="slang is missing: pip install pyslang")
+    driver = pyslang.driver.Driver()
+    driver.addStandardArgs()
+    options = ["-Weverything", *(f"-Wno-{name}" for name in SLANG_WAIVERS)]
+    read = driver.parseCommandLine(" ".join(["slang", *options, str(source)])) and driver.processOptions()
+    assert read and driver.parseAllSources()
+    compilation = driver.createCompilation()
+    diagnostics = [*compilation.getAllDiagnostics(), *driver.runAnalysis(compilation).getDiagnostics()]
+    engine = driver.diagEngine
+    engine.clearClients()
+    client = pyslang.TextDiagnosticClient()
+    client.showColors(False)
+    engine.addClient(client)
+    for diagnostic in diagnostics:
+        engine.issue(diagnostic)
+    said = client.getString().splitlines()
+    heard = [(line, said[k + 1]) for k, line in enumerate(said) if re.search(r": (warning|error): ", line)]
+    return [
+        f"{message}\n{line}"
+        for message, line in heard
+        if not (message.endswith("[-Wwidth-trunc]") and SHIFT.search(line))
+    ]
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_slang(emitted: Callable[[str], Path], preset: str) -> None:
+    for unit in CATALOGUE:
+        assert slang(emitted(preset) / f"{unit}.v") == [], unit
+
+
 def test_waivers_hide_no_real_fault(tmp_path: Path) -> None:
     """A register that nobody reads, a truncated sum and a latch are still heard."""
     source = tmp_path / "faulty.v"
@@ -51,6 +93,22 @@ def test_waivers_hide_no_real_fault(tmp_path: Path) -> None:
     )
     heard = set(re.findall(r"%Warning-(\w+)", lint(WAIVERS, source, top="faulty")))
     assert heard >= {"UNUSEDSIGNAL", "WIDTHTRUNC", "LATCH"}
+
+
+def test_slang_hears_real_faults(tmp_path: Path) -> None:
+    """A truncated sum, an output that is driven twice and a port that does not exist."""
+    source = tmp_path / "faulty.v"
+    source.write_text(
+        "module part (input p, output q);\n  assign q = p;\nendmodule\n"
+        "module faulty (input [7:0] a, input c, output [6:0] b, output d);\n"
+        "  assign b = a + 8'd1;\n"
+        "  assign d = c;\n"
+        "  part part (.p(c), .q(d), .r(c));\n"
+        "endmodule\n"
+    )
+    heard = "\n".join(slang(source))
+    for what in ("width-trunc", "port-coercion", "'r'"):
+        assert what in heard, heard
 
 
 def test_every_waiver_has_a_reason_and_is_narrow() -> None:
