@@ -49,7 +49,7 @@ def test_icarus_as_verilog_2001(emitted: Callable[[str], Path], preset: str) -> 
 
 
 def slang(source: Path) -> list[str]:
-    """What slang says about a file, parsed, elaborated and analysed, that is not waived: messages, each with its line."""
+    """What slang says about a file, parsed, elaborated and analysed, that is not waived: message and line."""
     pyslang = pytest.importorskip("pyslang", reason="slang is missing: pip install pyslang")
     driver = pyslang.driver.Driver()
     driver.addStandardArgs()
