@@ -4,6 +4,7 @@ It is a top of its own, never part of what is emitted. All that a proof needs of
 `require` (assert), `assume` and `reach` (cover).
 """
 
+from collections.abc import Container
 from typing import Any
 
 from amaranth.back import rtlil
@@ -22,7 +23,8 @@ class Bench:
     `settled`, this cycle is neither the first nor one of reset: only then does `require` bind.
     """
 
-    def __init__(self, component: wiring.Component | None = None):
+    def __init__(self, component: wiring.Component | None = None, *, driven: Container[str] = ()):
+        """`driven`: inputs (paths joined by __) that the proof drives itself; all others may be anything."""
         self.m = Module()
         self._domain = ClockDomain("sync")
         self._inputs: dict[str, Signal] = {}
@@ -35,8 +37,9 @@ class Bench:
         if component is not None:
             self._fragment = self.add("dut", component)
             for path, member, value in component.signature.flatten(component):
-                if member.flow == In:
-                    self.m.d.comb += Value.cast(value).eq(self.any("__".join(map(str, path)), len(Value.cast(value))))
+                name = "__".join(map(str, path))
+                if member.flow == In and name not in driven:
+                    self.m.d.comb += Value.cast(value).eq(self.any(name, len(Value.cast(value))))
 
     def add(self, name: str, component: Any) -> Fragment:
         """Puts a further component beside the one under test; its inputs are for the proof to drive."""

@@ -1,0 +1,137 @@
+"""The arbiter of the memory port: AXI's rules, order, and everybody's turn."""
+
+from functools import reduce
+from operator import or_
+
+from amaranth import Array, Cat, Const, Mux, Signal, Value
+
+from gen.formal.bench import Bench
+from gen.formal.properties import Induction, Property
+from gen.formal.streams import Tracker, held
+from rtl.axi_read_arbiter import AxiReadArbiter
+
+ADDRESS, DATA = ("araddr", "arid", "arlen", "arsize", "arburst"), ("rdata", "rid", "rresp", "rlast")
+WIDTHS = {"address_width": 8, "data_width": 32, "id_width": 2}
+
+
+def _arbiter(count: int) -> tuple[AxiReadArbiter, Bench]:
+    component = AxiReadArbiter(count, **WIDTHS)
+    return component, Bench(component)
+
+
+def _fields(port: object, names: tuple[str, ...]) -> Value:
+    return Cat(Value.cast(getattr(port, name)) for name in names)
+
+
+def addresses(count: int) -> Bench:
+    component, bench = _arbiter(count)
+    m, port, masters = bench.m, component.m_axi, component.masters
+    takes = Cat(master.arvalid & master.arready for master in masters)
+    one_at_a_time = (takes & (takes - 1)[:count]) == 0
+    bench.require("one_master_a_cycle", one_at_a_time)
+    held(bench, "ar", port.arvalid, port.arready, _fields(port, ADDRESS))
+    for k, master in enumerate(masters):  # AXI's rule for masters
+        waits = bench.past(master.arvalid & ~master.arready, f"master{k}_waits")
+        before = bench.past(_fields(master, ADDRESS), f"master{k}")
+        bench.assume(~waits | (master.arvalid & (_fields(master, ADDRESS) == before)))
+
+    # In order, with the master's number above its id.
+    incoming = [
+        Mux(takes[k], Cat(one.araddr, one.arid, _number(k, count), one.arlen, one.arsize, one.arburst), 0)
+        for k, one in enumerate(masters)
+    ]
+    tracker = Tracker(
+        bench,
+        most=2,
+        enters=takes.any(),
+        incoming=reduce(or_, incoming),
+        leaves=port.arvalid & port.arready,
+        offers=port.arvalid,
+        outgoing=_fields(port, ADDRESS),
+    )
+    _buffer_invariant(bench, tracker, "addresses")
+
+    # A master that waits sees each of the others once before it.
+    if count > 1:
+        who = bench.constant("who", range(count))
+        bench.assume(who < count)
+        waits = Signal()
+        passed, distance, last = Signal(range(count + 2)), Signal(range(count)), Signal(range(count))
+        later = bench.inner("later")
+        m.d.comb += waits.eq(Array(master.arvalid & ~master.arready for master in masters)[who])
+        with m.If(~waits):
+            m.d.sync += passed.eq(0)
+        with m.Elif(takes.any()):
+            m.d.sync += passed.eq(passed + 1)
+        ones = sum((bit for bit in later), start=Value.cast(0))
+        m.d.comb += [
+            last.eq(count - 1 - ones),
+            distance.eq(Mux(who > last, who - last - 1, who + count - last - 1)),
+        ]
+        bench.require("turn", passed < count)
+        bench.require("nearer_each_time", passed + distance < count)
+        above = [later == (((1 << count) - 1) << k) & ((1 << count) - 1) for k in range(1, count + 1)]
+        bench.require("later_is_a_range", reduce(or_, above))
+    return bench
+
+
+def data(count: int) -> Bench:
+    component, bench = _arbiter(count)
+    port, masters = component.m_axi, component.masters
+    low = WIDTHS["id_width"]
+    if component.number_width:
+        bench.assume(port.rid[low:] < count)
+    valids = Cat(master.rvalid for master in masters)
+    bench.require("one_master_a_beat", (valids & (valids - 1)[:count]) == 0)
+    for k, master in enumerate(masters):
+        held(bench, f"r{k}", master.rvalid, master.rready, _fields(master, DATA))
+    outgoing = [
+        Mux(master.rvalid, Cat(master.rdata, master.rid, _number(k, count), master.rresp, master.rlast), 0)
+        for k, master in enumerate(masters)
+    ]
+    tracker = Tracker(
+        bench,
+        most=2,
+        enters=port.rvalid & port.rready,
+        incoming=Cat(port.rdata, port.rid, port.rresp, port.rlast),
+        leaves=reduce(or_, (master.rvalid & master.rready for master in masters)),
+        offers=valids.any(),
+        outgoing=reduce(or_, outgoing),
+    )
+    _buffer_invariant(bench, tracker, "beats")
+    for register, holds in (("first", "o__valid"), ("kept", "held")):
+        number = bench.inner(f"beats/{register}")[WIDTHS["data_width"] + low :][: component.number_width]
+        bench.require(f"{register}_for_somebody", ~bench.inner(f"beats/{holds}") | (number < count))
+    return bench
+
+
+def _number(k: int, count: int) -> Value:
+    return Const(k, (count - 1).bit_length())
+
+
+def _buffer_invariant(bench: Bench, tracker: Tracker, name: str) -> None:
+    """The tracked transfer in the registers of a buffer."""
+    second, kept = bench.inner(f"{name}/held"), bench.inner(f"{name}/kept")
+    first = bench.inner(f"{name}/o__valid")
+    bench.require("count_is_registers", tracker.count == first + second)
+    bench.require("first_before_second", first | ~second)
+    bench.require("second_is_kept", ~tracker.follows | (tracker.ahead == 0) | (kept == tracker.payload))
+
+
+def properties() -> list[Property]:
+    return [
+        Property(
+            unit="axi_read_arbiter",
+            name=f"{channel}-{count}",
+            says=says,
+            method=Induction(depth=1),
+            build=lambda build=build, count=count: build(count),
+            reach=6,
+            quick=count == 3,
+        )
+        for channel, build, says in (
+            ("ar", addresses, "one master a cycle, in order, its number in the id, stable until taken; each in its turn"),
+            ("r", data, "a beat goes to the master that its id names, once, in order, stable until taken"),
+        )
+        for count in (1, 3, 4)
+    ]
