@@ -194,7 +194,7 @@ def _partners(rng: Rng, a: np.ndarray, inverse: Callable[[np.ndarray, np.ndarray
 
 def _near_products(name: str, values: np.ndarray, count: int, rng: Rng) -> np.ndarray:
     """(a, b, c, d) with c*d close to a*b: built so that the difference cancels, fully or nearly, or straddles."""
-    part = count // 4
+    part = -(-count // 6)
 
     # The same product from other factors, (pq)(rs) and (pr)(qs), then a few ulps beside it.
     p, q, r, s = rng.integers(1, 1 << 12, (4, part))
@@ -209,6 +209,9 @@ def _near_products(name: str, values: np.ndarray, count: int, rng: Rng) -> np.nd
     a, b = 2.0 ** rng.integers(-62, 0, part), 2.0 ** rng.integers(0, 2, part)
     c = 2.0 ** rng.integers(-76, -62, part)
     quads.append((a, b * LEAST / a, c, rng.integers(0, 9, part) * 2.0**-151 / c))
+    # A difference that is the greatest number and up to two units in its last place.
+    a, c = 2.0 ** rng.integers(1, 127, part), 2.0 ** rng.integers(-20, 100, part)
+    quads.append((a, 2.0**128 * (1 - 2.0**-24) / a, c, rng.integers(-8, 9, part) * 2.0**101 / c))
     near = [_nudged(rng, _narrowed(np.concatenate(column)), 2) for column in zip(*quads, strict=True)]
 
     # Products of exponents up to 80 apart, of any size: straddling the alignment, under- and overflowing.
