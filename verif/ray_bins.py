@@ -152,7 +152,7 @@ def _box_setup(i: np.ndarray, o: np.ndarray) -> Groups:
         "coarseness": values(o["coarseness"], 32),
         "rays": cases(blind=o["blind"], seeing=~o["blind"]),
         "pad": cases(none=o["pad"] == 0, least=o["pad"] == 22, more=o["pad"] > 22),
-        # No ray's unit is small enough for the greatest scale: the exponent of its distance from the lattice is bounded.
+        # No ray's unit is small enough for the greatest scale: it lies at some distance from the lattice.
         "scale": cases(least=o["scale"] == 0, more=o["scale"] > 0),
         "t_min": cases(saturates=o["t_min"] == 0, in_range=(o["t_min"] > 0) & (o["t_min"] < TIME_MAX - 10)),
         "inverse": cases(**{name: any_of(i["inverse"], name) for name in classes(i["t_min"])}),
