@@ -2,7 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from gen.verilog import verilog_of
@@ -10,33 +9,18 @@ from golden_model.units import OPERATORS, UNITS
 from rtl.config import PRESETS
 from sim.runner import BenchError, run_bench
 from tests.simulators import SIMULATORS
-from tests.vectors import random_vectors
-from verif.box_vectors import box_setup_vectors, node_test_vectors, ray_time_vectors
-from verif.ray_vectors import ray_setup_vectors, ray_triangle_vectors
+from verif.unit_vectors import unit_vectors
 
 SEED = 2013
 # Icarus takes about two milliseconds a cycle for the ray-triangle unit.
 COUNT = {"verilator": 3000, "icarus": 1000}
-VECTORS = {
-    "ray_setup": ray_setup_vectors,
-    "ray_triangle": ray_triangle_vectors,
-    "ray_time": ray_time_vectors,
-    "box_setup": box_setup_vectors,
-    "node_test": node_test_vectors,
-}
-
-
-def operands(unit: str, count: int) -> np.ndarray:
-    if unit in OPERATORS:
-        return random_vectors(unit, count, SEED)
-    return VECTORS[unit](count, SEED)
 
 
 def bench(unit: str, simulator: str, folder: Path, preset: str = "base", verilog: str | None = None) -> int:
     return run_bench(
         unit,
         simulator,
-        operands=operands(unit, COUNT[simulator]),
+        operands=unit_vectors(unit, COUNT[simulator], SEED),
         seed=SEED,
         config=PRESETS[preset],
         module="verif.test_operators" if unit in OPERATORS else None,
