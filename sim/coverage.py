@@ -6,9 +6,13 @@ are bodies of `always`. A module that is used several times is counted once, for
 """
 
 import re
-from collections.abc import Iterable, Iterator
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
+
+EXCLUSIONS = Path(__file__).with_name("coverage_exclusions.toml")
 
 ARMS = ("if", "else", "elsif", "case", "cond_then", "cond_else")
 """How Verilator calls the arms of a decision."""
@@ -55,3 +59,56 @@ def share(counts: Iterable[int]) -> tuple[int, int]:
     """How many of them are not zero, and how many there are."""
     values = list(counts)
     return sum(value > 0 for value in values), len(values)
+
+
+# --- branches that cannot be taken ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exclusion:
+    """Branches that cannot be taken, and why."""
+
+    source: str
+    """A regular expression that has to be found in the line of Verilog."""
+    reason: str
+    unit: str = "*"
+    module: str = "*"
+    arm: str = "*"
+
+    def covers(self, unit: str, point: Point, line: str) -> bool:
+        patterns = (unit, self.unit), (point.module, self.module), (point.what, self.arm)
+        return all(fnmatchcase(text, pattern) for text, pattern in patterns) and bool(re.search(self.source, line))
+
+
+def exclusions(path: Path = EXCLUSIONS) -> list[Exclusion]:
+    """Those of a file."""
+    return [Exclusion(**each) for each in tomllib.loads(path.read_text(encoding="utf-8")).get("exclusion", [])]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Untaken:
+    """A branch that was not taken."""
+
+    point: Point
+    source: str
+    """The line."""
+    reason: str | None
+    """Why it cannot be; None: that is not known."""
+
+
+def untaken(
+    unit: str, counts: Mapping[Point, int], verilog: str, excluded: Sequence[Exclusion]
+) -> tuple[list[Untaken], list[str]]:
+    """Branches that were not taken, in the order of the text; and exclusions that were."""
+    lines = verilog.splitlines()
+    missed, wrong = [], []
+    for point, count in sorted(counts.items()):
+        if point.kind != "branch":
+            continue
+        line = lines[point.line - 1].strip()
+        reasons = [each.reason for each in excluded if each.covers(unit, point, line)]
+        if not count:
+            missed.append(Untaken(point=point, source=line, reason=reasons[0] if reasons else None))
+        elif reasons:
+            wrong.append(f"{point.file}:{point.line}: {point.what} of `{line}` was taken, yet excluded: {reasons[0]}")
+    return missed, wrong

@@ -16,6 +16,8 @@ from cocotb.triggers import FallingEdge, RisingEdge
 from cocotbext.axi import AxiBurstType, AxiResp
 from cocotbext.axi.axi_channels import AxiARBus, AxiARSink, AxiRBus, AxiRSource
 
+from verif.coverage import StreamCycles
+
 BLOCK_BYTES = 64
 AHEAD = 2
 """Beats that are chosen before their turn, so that there can be one in every cycle."""
@@ -73,6 +75,7 @@ class AxiSlave:
         self.bursts = self.beats = 0
         self.overtaken = self.mixed = 0
         self.most_under_way = 0
+        self.cycles = StreamCycles("addresses", "data")
         self._port = {name: getattr(dut, f"{prefix}_{name}") for name in (*ADDRESS, "arvalid", "arready")}
         self._port |= {name: getattr(dut, f"{prefix}_{name}") for name in ("rvalid", "rready", "rid", "rlast")}
         self.lanes = len(getattr(dut, f"{prefix}_rdata")) // 8
@@ -185,11 +188,14 @@ class AxiSlave:
                 assert in_reset < 2 or not int(arvalid.value), "arvalid during a reset"
                 continue
             in_reset = 0
-            if int(arvalid.value):
-                self._check_address(accepted=bool(int(arready.value)))
+            asked, given = bool(int(arvalid.value)), bool(int(rvalid.value))
+            accepted, taken = asked and bool(int(arready.value)), given and bool(int(rready.value))
+            self.cycles.add(asked, accepted, given, taken)
+            if asked:
+                self._check_address(accepted)
             else:
                 assert self._held is None, f"cycle {self.cycle}: arvalid was withdrawn"
-            if int(rvalid.value) and int(rready.value):
+            if taken:
                 self.beats += 1
                 if int(port["rlast"].value):
                     self._ids.remove(int(port["rid"].value))

@@ -8,7 +8,7 @@ recorded cycles, not sample by sample, which is why this is all there is to it.
 import json
 import os
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
 
@@ -25,11 +25,11 @@ HELD_LONG = 20
 """Cycles without a break."""
 
 
-def note(groups: Groups) -> None:
-    """Adds groups to the file that BINS names; does nothing where it names none."""
+def note(groups: Callable[[], Groups]) -> None:
+    """Adds groups to the file that BINS names; where it names none, nobody wants them and they are not made."""
     if path := os.environ.get(BINS):
         with Path(path).open("a", encoding="utf-8") as file:
-            file.write(json.dumps(groups) + "\n")
+            file.write(json.dumps(groups()) + "\n")
 
 
 def noted(path: Path) -> Groups:
@@ -57,9 +57,10 @@ def cases(**masks: np.ndarray) -> dict[str, int]:
 
 
 class StreamCycles:
-    """What an input and an output stream did, cycle by cycle."""
+    """What an input and an output stream did, cycle by cycle; `names` are theirs."""
 
-    def __init__(self) -> None:
+    def __init__(self, *names: str) -> None:
+        self.names = names or ("input", "output")
         self._inputs: list[int] = []
         self._outputs: list[int] = []
 
@@ -75,9 +76,9 @@ class StreamCycles:
         """
         both = Counter(zip(self._inputs, self._outputs, strict=True))
         out: Groups = {
-            "input and output": {f"{a}, {b}": both[i, o] for i, a in enumerate(SIDE) for o, b in enumerate(SIDE)}
+            " and ".join(self.names): {f"{a}, {b}": both[i, o] for i, a in enumerate(SIDE) for o, b in enumerate(SIDE)}
         }
-        for side, states in (("input", self._inputs), ("output", self._outputs)):
+        for side, states in zip(self.names, (self._inputs, self._outputs), strict=True):
             steps = Counter(pairwise(states))
             out[side] = {
                 f"{a}, then {b}": steps[i, j]

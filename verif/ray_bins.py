@@ -195,6 +195,7 @@ def _node_test(i: np.ndarray, o: np.ndarray) -> Groups:
 BINS: dict[str, Callable[[np.ndarray, np.ndarray], Groups]] = {
     "ray_setup": _ray_setup,
     "ray_triangle": _ray_triangle,
+    "ray_triangle_half": _ray_triangle,
     "ray_time": _ray_time,
     "box_setup": _box_setup,
     "node_test": _node_test,

@@ -113,7 +113,7 @@ class StreamDriver:
             if len(seen.received) >= expected and cycle - moved > linger:
                 break
             assert cycle - moved < patience, f"cycle {cycle}: hangs; {sent} sent, {len(seen.received)} received"
-        note(cycles.groups())
+        note(cycles.groups)
         dut.i__valid.value = 0
         dut.o__ready.value = 0  # a result that comes later waits for the next exchange
         return seen

@@ -34,9 +34,12 @@ from golden_model.ray_families import RAY_FAMILIES
 from golden_model.scene import load_scene
 from golden_model.wide_bvh import WideBvh, build_wide
 from golden_model.wide_traversal import COUNTS, queries_of, trace_tree
+from rtl.traversal.counters import COUNTERS
 from verif.axi_slave import AxiSlave, Manner
 from verif.bench import payloads
+from verif.coverage import StreamCycles, note
 from verif.stream import Exchange, StreamDriver, pattern
+from verif.traversal_bins import counter_groups, load_groups, memory_groups, ray_groups
 
 LOAD_CYCLES = 2000
 """Cycles after which a tree must have been loaded or refused."""
@@ -153,6 +156,8 @@ class Bench:
         self.streams = StreamDriver(dut)
         self.number = 0
         """Rays so far: their numbers are their tags."""
+        self.blocks = build_wide(triangles_of("empty")).blocks
+        """The tree that was loaded last."""
         cocotb.log.info("traversal, %s", run)
 
     async def start(self, *, overlap: str = "most", memory: str = "brisk") -> None:
@@ -204,6 +209,8 @@ class Bench:
         await self.ask_to_load(base)
         seen = await self.outcome()
         assert seen == LOAD_ERRORS[error], f"seed {self.seed}: load_error {seen}, not {error}"
+        self.blocks = blocks
+        note(lambda: load_groups(error))
 
     def packed(self, rays: Rays) -> list[int]:
         """What the unit is offered for rays; their tags go on where those of the rays before ended."""
@@ -248,7 +255,17 @@ class Bench:
         first = self.number
         seen = await self.exchange(self.packed(rays), give, take)
         assert not self.memory.under_way, "all rays are back, and the memory has not answered all reads"
-        return self.answers(seen.received, first, len(rays))
+        results = self.answers(seen.received, first, len(rays))
+        self.note(rays.queries, results)
+        return results
+
+    def note(self, queries: np.ndarray, results: np.ndarray) -> None:
+        """What rays have met since the last call."""
+        memory = self.memory
+        note(lambda: ray_groups(queries, results, self.blocks))
+        note(lambda: memory_groups(memory.overtaken, memory.mixed, memory.most_under_way > 1))
+        note(memory.cycles.groups)
+        memory.cycles = StreamCycles(*memory.cycles.names)
 
     async def check(self, rays: Rays, what: str, give: str = "half", take: str = "half") -> None:
         """Rays through the unit: the golden results; and the golden counters, where rays make one visit at a time."""
@@ -261,9 +278,9 @@ class Bench:
             expected |= {"errors": int((rays.results["error"] != 0).sum())}
             expected |= {name: int(rays.counts[name].sum()) for name in COUNTS.names or ()}
         assert {name: seen[name] for name in expected} == expected, f"{what}, seed {self.seed}"
+        note(lambda: counter_groups(self.counters(COUNTERS)))
 
-    def counters(self) -> dict[str, int]:
-        names = ("rays", "errors", "beats", *(COUNTS.names or ()))
+    def counters(self, names: Iterable[str] = ("rays", "errors", "beats", *(COUNTS.names or ()))) -> dict[str, int]:
         return {name: int(getattr(self.dut, f"count_{name}").value) for name in names}
 
     async def check_sound(self, tree: WideBvh, what: str) -> None:
