@@ -107,7 +107,7 @@ def _share(fragment: Fragment, top: str, shared: dict[str, tuple[Shared, Fragmen
         one = part.origins[0] if part.origins else None
         if isinstance(one, Core):
             module = f"{top}_core" if one.unit.name == top else f"{top}_{one.unit.name}_depth{one.latency}"
-            ports = {"i_en": one.en}
+            ports = {f"i_{name}": value for name, value in _controls(one)}
             ports |= {f"i_i_{name}": value for name, value in _fields(one.i)}
             ports |= {f"o_o_{name}": value for name, value in _fields(one.o)}
         elif isinstance(one, Traversal):
@@ -132,7 +132,7 @@ def _component_rtlil(fragment: Fragment, name: str, component: wiring.Component)
 
 def _core_rtlil(fragment: Fragment, name: str, core: Core) -> str:
     """A core as a module with a port for every field of its operands and results."""
-    ports: dict[str, Value] = {"en": core.en}
+    ports: dict[str, Value] = dict(_controls(core))
     for field, value in _fields(core.i):
         ports[f"i_{field}"] = port = Signal(len(value), name=f"i_{field}")
         fragment.add_statements("comb", value.eq(port))
@@ -140,6 +140,12 @@ def _core_rtlil(fragment: Fragment, name: str, core: Core) -> str:
         ports[f"o_{field}"] = port = Signal(len(value), name=f"o_{field}")
         fragment.add_statements("comb", port.eq(value))
     return _rtlil(fragment, name, ClockDomain("sync", reset_less=True), ports)  # a core's data has no reset
+
+
+def _controls(core: Core) -> Iterator[tuple[str, Value]]:
+    yield "en", core.en
+    if core.initiation_interval == 2:
+        yield "phase", core.phase
 
 
 def _fields(view: data.View) -> Iterator[tuple[str, Value]]:

@@ -98,6 +98,13 @@ UNITS: dict[str, Unit] = {
         output=formats.TRIANGLE_HIT,
         model=ray_triangle,
     ),
+    "ray_triangle_half": Unit(
+        name="ray_triangle_half",
+        summary="ray_triangle in half the area, a test every other cycle",
+        input=formats.RAY_TRIANGLE,
+        output=formats.TRIANGLE_HIT,
+        model=ray_triangle,
+    ),
     "ray_time": Unit(
         name="ray_time",
         summary="a distance along a ray for the box test, rounded both ways",

@@ -23,7 +23,7 @@ from rtl.operators.half_to_float import HalfToFloat
 from rtl.pipeline import Core, StreamUnit
 from rtl.ray_setup import RaySetup
 from rtl.ray_time import RayTime
-from rtl.ray_triangle import RayTriangle
+from rtl.ray_triangle import RayTriangle, RayTriangleHalf
 from rtl.traversal.array import traversal
 
 
@@ -45,6 +45,7 @@ CATALOGUE: dict[str, Callable[[Config], wiring.Component]] = {
     "fixed_to_float": _stream(lambda c: FixedToFloat(c.convert_depth)),
     "ray_setup": _stream(RaySetup),
     "ray_triangle": _stream(RayTriangle),
+    "ray_triangle_half": _stream(RayTriangleHalf),
     "ray_time": _stream(RayTime),
     "box_setup": _stream(BoxSetup),
     "node_test": _stream(NodeTest),

@@ -2,15 +2,19 @@
 # (a unit is also made only to ask for its latency)
 """Composes cores into a larger pipelined datapath, with the delays that line operands up put in automatically."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from amaranth import Module, Signal, Value
+from amaranth import Module, Mux, Signal, Value
 from amaranth.lib import data
 
 from rtl.config import Config
 from rtl.pipeline import Core, register
+
+Kind = tuple[type[Core], int]
+"""Class and latency of a core: cores of one kind can stand in for each other."""
 
 
 @dataclass(eq=False)
@@ -20,19 +24,43 @@ class Node:
     value: Any
     time: int
     name: str
+    staged: bool = False
+    """The value is used through its first register only."""
     delayed: list[Signal] = field(default_factory=list)
-    """The value 1, 2, … cycles later, as far as anyone asked: delay lines are shared."""
+    """The value behind 1, 2, … registers, as far as anyone asked: delay lines are shared."""
+
+    @property
+    def ready(self) -> int:
+        """The first cycle in which the value may be used."""
+        return self.time + self.staged
+
+
+@dataclass(eq=False)
+class Placed:
+    """A core, and the operations that it does: time, name and operands, by the parity of the time."""
+
+    core: Core
+    operations: dict[int, tuple[int, str, dict[str, Node | int]]]
 
 
 class Dataflow:
     """Builds one datapath inside a module; all cores and delay lines in it advance with `en`.
 
-    Every operation starts as soon as its last operand is there.
+    Every operation starts as soon as its last operand is there. Where the datapath takes its operands in every other
+    cycle only, those in which `phase` is high, two operations of one kind share a core, one in the even cycles, one in
+    the odd; an operation that finds no turn free starts a cycle later. `cores` says how many there are of a kind. A
+    delay line then needs a register for two cycles only, as each value may stay in it until the next one comes.
     """
 
-    def __init__(self, m: Module, en: Value):
+    def __init__(self, m: Module, en: Value, phase: Value | None = None, cores: Mapping[Kind, int] | None = None):
         self._m = m
         self._en = en
+        self._phase = phase
+        self._interval = 1 if phase is None else 2
+        self._cores = cores or {}
+        self._placed: list[Placed] = []
+        self.operations: Counter[Kind] = Counter()
+        """How many there are of each kind."""
 
     def source(self, value: Any, name: str, time: int = 0) -> Node:
         """An operand of the whole datapath."""
@@ -40,42 +68,75 @@ class Dataflow:
 
     def at(self, node: Node, time: int) -> Any:
         """The node's value at a later time, through registers."""
-        assert time >= node.time, f"{node.name} is not known before cycle {node.time}"
-        while len(node.delayed) < time - node.time:
+        assert time >= node.ready, f"{node.name} is not known before cycle {node.ready}"
+        registers = -(-(time - node.time) // self._interval)
+        while len(node.delayed) < registers:
             previous = node.delayed[-1] if node.delayed else node.value
-            count = len(node.delayed) + 1
-            node.delayed.append(register(self._m, self._en, previous, f"{node.name}_d{count}"))
-        return node.delayed[time - node.time - 1] if time > node.time else node.value
+            name = f"{node.name}_d{len(node.delayed) + 1}"
+            node.delayed.append(register(self._m, self._load(node.time), previous, name))
+        return node.delayed[registers - 1] if registers else node.value
+
+    def _load(self, time: int) -> Value:
+        """The enable of registers that load in this cycle of an operation."""
+        if self._phase is None:
+            return self._en
+        return self._en & (~self._phase if time % 2 else self._phase)
 
     def logic(self, name: str, function: Callable[..., Any], *operands: Node, stage: bool = False) -> Node:
         """Combinational logic over operands brought to the time of the latest, with a register after it if `stage`."""
-        time = max(node.time for node in operands)
+        time = max(node.ready for node in operands)
         value = Value.cast(function(*(self.at(node, time) for node in operands)))
         result = Signal(value.shape(), name=name)
         self._m.d.comb += result.eq(value)
-        node = Node(result, time, name)
-        return Node(self.at(node, time + 1), time + 1, name) if stage else node
+        return Node(result, time, name, staged=stage)
 
     def apply(self, name: str, core: Core, **operands: Node | int) -> dict[str, Node]:
-        """Instantiates `core` as submodule `name`; an operand may be a constant. Returns its results by field name."""
-        self._m.submodules[name] = core
-        time = max(node.time for node in operands.values() if isinstance(node, Node))
-        self._m.d.comb += core.en.eq(self._en)
-        for field_name, node in operands.items():
-            value = self.at(node, time) if isinstance(node, Node) else node
-            self._m.d.comb += core.i[field_name].eq(value)
-        results: data.View = core.o
+        """The results, by field name, of an operation that a core like `core` does; an operand may be a constant."""
+        placed, time = self._place(core, max(node.ready for node in operands.values() if isinstance(node, Node)))
+        placed.operations[time % self._interval] = (time, name, operands)
+        results: data.View = placed.core.o
         return {
             field_name: Node(results[field_name], time + core.latency, f"{name}_{field_name}")
             for field_name in core.unit.output.names or ()
         }
 
+    def _place(self, core: Core, ready: int) -> tuple[Placed, int]:
+        """A core with a free turn as soon as there is one, and the time of that turn."""
+        kind = (type(core), core.latency)
+        self.operations[kind] += 1
+        alike = [placed for placed in self._placed if (type(placed.core), placed.core.latency) == kind]
+        for time in range(ready, ready + self._interval):
+            for placed in alike:
+                if time % self._interval not in placed.operations:
+                    return placed, time
+            if len(alike) < self._cores.get(kind, len(alike) + 1):
+                self._placed.append(Placed(core, {}))
+                return self._placed[-1], time
+        raise AssertionError(f"more operations than {len(alike)} cores of {core.unit.name} can do")
+
+    def finish(self) -> None:
+        """Instantiates the cores, each as a submodule with the names of its operations."""
+        for placed in self._placed:
+            core, operations = placed.core, placed.operations
+            self._m.submodules["_and_".join(name for _, name, _ in operations.values())] = core
+            self._m.d.comb += core.en.eq(self._en)
+            for field_name in core.unit.input.names or ():
+                values = {
+                    turn: self.at(operands[field_name], time)
+                    if isinstance(operands[field_name], Node)
+                    else operands[field_name]
+                    for turn, (time, _, operands) in operations.items()
+                }
+                value = Mux(self._phase, values[0], values[1]) if len(values) == 2 else next(iter(values.values()))
+                self._m.d.comb += core.i[field_name].eq(value)
+
 
 class DataflowCore(Core):
     """A core composed of other cores, whose latency follows from its graph.
 
-    Subclasses set `unit_name` and draw the graph in `compute`, which is called once, when the core is made. A vector
-    field of the input or output is a list of nodes, one a component.
+    Subclasses set `unit_name` and draw the graph in `compute`, which is called when the core is made. A vector field of
+    the input or output is a list of nodes, one a component. A subclass with an `initiation_interval` of 2 shares cores,
+    of each kind as few as can do all operations.
     """
 
     unit_name: str
@@ -83,7 +144,26 @@ class DataflowCore(Core):
     def __init__(self, config: Config):
         super().__init__(self.unit_name, latency=0)
         self._graph = Module()
-        flow = Dataflow(self._graph, self.en)
+        if self.initiation_interval == 1:
+            flow = Dataflow(self._graph, self.en)
+        else:
+            counted = Dataflow(Module(), self.en, self.phase)
+            self._drawn(counted, config)
+            cores = {kind: -(-count // 2) for kind, count in counted.operations.items()}
+            flow = Dataflow(self._graph, self.en, self.phase, cores)
+
+        results = self._drawn(flow, config)
+        scalars = {name: value if isinstance(value, list) else [value] for name, value in results.items()}
+        self.latency = max(node.ready for value in scalars.values() for node in value)
+        for name, value in scalars.items():
+            port = getattr(self.o, name)
+            for k, node in enumerate(value):
+                target = port[k] if self.unit.output[name].shape else port
+                self._graph.d.comb += target.eq(flow.at(node, self.latency))
+        flow.finish()
+
+    def _drawn(self, flow: Dataflow, config: Config) -> Mapping[str, Any]:
+        """The results of the graph, drawn into `flow`."""
 
         def nodes(name: str) -> Any:
             port, shape = getattr(self.i, name), self.unit.input[name].shape
@@ -91,14 +171,7 @@ class DataflowCore(Core):
                 return flow.source(port, name)
             return [flow.source(port[k], f"{name}{k}") for k in range(shape[0])]
 
-        results = self.compute(flow, config, **{name: nodes(name) for name in self.unit.input.names or ()})
-        scalars = {name: value if isinstance(value, list) else [value] for name, value in results.items()}
-        self.latency = max(node.time for value in scalars.values() for node in value)
-        for name, value in scalars.items():
-            port = getattr(self.o, name)
-            for k, node in enumerate(value):
-                target = port[k] if self.unit.output[name].shape else port
-                self._graph.d.comb += target.eq(flow.at(node, self.latency))
+        return self.compute(flow, config, **{name: nodes(name) for name in self.unit.input.names or ()})
 
     def compute(self, *args: Any, **operands: Any) -> Mapping[str, Any]:
         """(flow, config, operands by field name) to results by field name."""

@@ -85,6 +85,13 @@ class RayTriangle(DataflowCore):
         }
 
 
+class RayTriangleHalf(RayTriangle):
+    """One ray-triangle test every other cycle, with half as many operators."""
+
+    unit_name = "ray_triangle_half"
+    initiation_interval = 2
+
+
 def next_axis(axis: Value) -> Value:
     """(axis + 1) mod 3; an axis of 3 stands for 0."""
     return Array([1, 2, 0, 1])[axis]

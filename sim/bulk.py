@@ -10,6 +10,7 @@ from gen.verilog import verilog_of
 from golden_model import bitpack
 from golden_model.errors import InputError
 from golden_model.units import UNITS
+from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
 from sim import verilated
 
@@ -41,7 +42,9 @@ class BulkUnit:
         self.verilog = verilog_of(unit, config) if verilog is None else verilog
         """The text that is simulated; tests pass a deliberately broken one."""
         self._binaries: dict[bool, Path] = {}
-        self._binary(stalls=False)
+        # A unit that does not take an operation every cycle stalls its input by itself.
+        self._stalling = CATALOGUE[unit](config).initiation_interval > 1
+        self._binary(stalls=self._stalling)
         self.throughput = 0.0
         self.cycles = 0
         self.latency = 0
@@ -49,7 +52,7 @@ class BulkUnit:
     def run(self, operands: np.ndarray, *, stall_seed: int | None = None) -> np.ndarray:
         """Operands (N,) of the unit's input dtype to results (N,) of its output dtype, in order.
 
-        Without `stall_seed` one operand is offered every cycle and every result taken at once; with it (1 to 2**63 - 1)
+        Without `stall_seed` an operand is offered every cycle and every result taken at once; with it (1 to 2**63 - 1)
         both sides stall at random. Raises BulkError where the unit breaks the stream's rules.
         """
         if operands.dtype != self.unit.input:
@@ -59,7 +62,7 @@ class BulkUnit:
         results = np.empty(len(operands), dtype=self.unit.output)
         seconds = 0.0
         self.cycles = 0
-        binary = self._binary(stalls=stall_seed is not None)
+        binary = self._binary(stalls=self._stalling or stall_seed is not None)
         with tempfile.TemporaryDirectory(prefix="lightloom-") as scratch:
             for start in range(0, len(operands), CHUNK):
                 chunk = operands[start : start + CHUNK]

@@ -171,12 +171,13 @@ def run_bench(
     folder = _run_folder(unit, simulator, folder)
     assert operands.dtype == UNITS[unit].input
     np.save(folder / "operands.npy", bitpack.pack(operands))
+    described = manifest(unit, config)
     description = {
         "unit": unit,
         "operands": str(folder / "operands.npy"),
         "seed": seed,
         "tag_width": config.tag_width,
-        "latency": manifest(unit, config)["latency"],
+        **{key: described[key] for key in ("latency", "initiation_interval")},
     }
     return run_cocotb(
         unit,

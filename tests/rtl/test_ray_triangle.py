@@ -13,23 +13,29 @@ SEED = 20130413
 CHUNK = 250_000
 
 
+UNITS = ["ray_triangle", "ray_triangle_half"]
+
+
+@pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("preset", ["tiny", "base"])
-def test_agrees_with_the_model(preset: str) -> None:
-    results = assert_agrees("ray_triangle", preset, ray_triangle_vectors(210_000, SEED), f"seed {SEED}")
+def test_agrees_with_the_model(unit: str, preset: str) -> None:
+    results = assert_agrees(unit, preset, ray_triangle_vectors(210_000, SEED), f"seed {SEED}")
     assert results["hit"].mean() > 0.3
     assert 0.3 < results["front"].sum() / results["hit"].sum() < 0.7
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("unit", UNITS)
 @pytest.mark.parametrize("preset", list(PRESETS))
-def test_agrees_with_the_model_on_millions(preset: str) -> None:
+def test_agrees_with_the_model_on_millions(unit: str, preset: str) -> None:
     for seed in range(SEED + 1, SEED + 17):
-        assert_agrees("ray_triangle", preset, ray_triangle_vectors(CHUNK, seed), f"seed {seed}")
+        assert_agrees(unit, preset, ray_triangle_vectors(CHUNK, seed), f"seed {seed}")
 
 
-def test_results_survive_stalls() -> None:
+@pytest.mark.parametrize("unit", UNITS)
+def test_results_survive_stalls(unit: str) -> None:
     operands = ray_triangle_vectors(20_000, SEED)
-    assert equal(bulk_unit("ray_triangle", "tiny").run(operands, stall_seed=SEED), ray_triangle(operands)).all()
+    assert equal(bulk_unit(unit, "tiny").run(operands, stall_seed=SEED), ray_triangle(operands)).all()
 
 
 @pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS.keys())
