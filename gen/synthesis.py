@@ -1,0 +1,202 @@
+"""Synthesis of a unit's Verilog with Yosys: what it is made of, in gates without a process and in cells of a library.
+
+In steps, each in a folder and each leaving files that the next one reads, so that a unit is elaborated once for all
+libraries:
+
+    generic   <unit>.v -> gates.il (gates of Yosys's own, flip-flops, memories that are kept out), counts
+    mapped    gates.il -> mapped.v (cells of a library), counts and areas
+
+What is counted is said in docs/synthesis.md.
+"""
+
+import json
+import re
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from gen import libraries, tools
+from gen.libraries import Library
+from gen.memories import Memory, cut_out
+
+MEMORY = re.compile(r"^\s*reg (?:\[[^\]]*\] )?\S+ \[[^\]]*\];", re.MULTILINE)
+"""An array in the emitted Verilog."""
+
+FLIP_FLOP = re.compile(r"\$_\w*DFF\w*_")
+"""Flip-flops among Yosys's own cells."""
+
+# Not `share`, which proves for hours that parts of large units are not used at once, and finds nothing in small ones.
+# -noabc: the technology-independent mapping in `synth` turns prefix adders into chains, which the one to the library
+# does not undo.
+SYNTH = "synth -noabc -noshare -booth -top {top}"
+
+# The count of the literature: two-input NANDs and NORs, and inverters, a gate being four transistors.
+COUNT = "abc -g cmos2\nopt_clean -purge\ntee -q -o {file} stat -json\n"
+TRANSISTORS = {"$_NAND_": 4, "$_NOR_": 4, "$_NOT_": 2, "$_DFF_P_": 16}
+TRANSISTORS_A_GATE = 4
+
+# Every register as a plain flip-flop: its enable and its reset become gates that are counted like all others.
+PLAIN_FLIP_FLOPS = "dfflegalize -cell $_DFF_P_ x\nopt_clean\n"
+
+MAPPING = "strash\ndch\nmap -B 0.9\ntopo\nbuffer -c -N 16\nupsize\ndnsize\n"
+"""ABC's steps to a library. Without the buffers, nets of high fan-out ruin the timing."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A module of the hierarchy: how often it is there, and its own gates (those of modules in it are theirs)."""
+
+    module: str
+    instances: int
+    gates: int
+    """Gate equivalents of one instance, its flip-flops among them."""
+
+
+@dataclass(frozen=True)
+class Generic:
+    """A unit without a library. Gates are two-input-gate equivalents: transistors of `abc -g cmos2` divided by 4."""
+
+    logic_gates: int
+    """Without flip-flops, as published figures are counted."""
+    gates: int
+    """With all flip-flops, their enables and resets."""
+    flip_flops: int
+    memories: tuple[Memory, ...]
+    parts: tuple[Part, ...]
+
+    @property
+    def memory_bits(self) -> int:
+        return sum(memory.bits for memory in self.memories)
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> "Generic":
+        memories = tuple(Memory(**memory) for memory in data["memories"])
+        return cls(**{**data, "memories": memories, "parts": tuple(Part(**part) for part in data["parts"])})
+
+
+@dataclass(frozen=True)
+class Mapped:
+    """A unit in cells of a library; areas in the library's unit, square micrometres in all libraries known here."""
+
+    cells: int
+    area: float
+    flip_flop_area: float
+
+
+def generic(verilog: str, top: str, folder: Path, memory_bits: int) -> Generic:
+    """Elaborates the module `top`, writes gates.il into `folder` and counts gates.
+
+    Memories of at least `memory_bits` bits with synchronous reads are kept out of the gates. Raises InputError where
+    Yosys is missing.
+    """
+    (folder / "unit.v").write_text(verilog, encoding="utf-8")
+    flat, memories = _elaborate(verilog, top, folder, memory_bits, "flat")
+    counts = COUNT.format(file="logic.json")
+    everything = COUNT.format(file="all.json")
+    script = f"""{flat}write_rtlil gates.il
+tee -q -o gates.json stat -json
+abc
+opt -fast
+design -save fast
+{counts}design -load fast
+{PLAIN_FLIP_FLOPS}{everything}"""
+    tools.yosys(script, folder, "generic")
+    flip_flops = sum(
+        n for cell, n in _cells(folder / "gates.json", top).items() if re.fullmatch(r"\$_\w*DFF\w*_", cell)
+    )
+    return Generic(
+        logic_gates=_gates(_without_flip_flops(_cells(folder / "logic.json", top))),
+        gates=_gates(_cells(folder / "all.json", top)),
+        flip_flops=flip_flops,
+        memories=tuple(memories),
+        parts=tuple(_parts(verilog, top, folder, memory_bits)),
+    )
+
+
+def _elaborate(verilog: str, top: str, folder: Path, memory_bits: int, name: str) -> tuple[str, list[Memory]]:
+    """A script that leaves Yosys with the design's gates, and the memories that are not in it."""
+    flatten = " -flatten" if name == "flat" else ""
+    synth = SYNTH.format(top=top) + flatten
+    read = f"read_verilog unit.v\nhierarchy -top {top}\n"
+    # Where things come from in the Verilog is of no use to anybody, and most of the text of a design.
+    forget = "setattr -unset src\nsetattr -unset src *\n"
+    if not MEMORY.search(verilog):
+        return f"{read}{synth}\n{forget}", []
+    tools.yosys(f"{read}{synth} -run begin:fine\n{forget}write_json {name}.json\n", folder, name)
+    file = folder / f"{name}.json"
+    design = json.loads(file.read_text(encoding="utf-8"))
+    memories = cut_out(design, memory_bits)
+    file.write_text(json.dumps(design), encoding="utf-8")
+    return f"read_json {name}.json\nhierarchy -top {top}\n{synth} -run fine:check\n", memories
+
+
+def _parts(verilog: str, top: str, folder: Path, memory_bits: int) -> list[Part]:
+    """The modules of the unit, each synthesised on its own: those with most gates over all instances first."""
+    script, _ = _elaborate(verilog, top, folder, memory_bits, "parts")
+    tools.yosys(f"{script}abc\nopt -fast\n{PLAIN_FLIP_FLOPS}{COUNT.format(file='parts.json')}", folder, "hierarchy")
+    modules = _stat(folder / "parts.json")["modules"]
+    instances: Counter[str] = Counter()
+
+    def visit(module: str) -> None:
+        instances[module] += 1
+        for kind, count in modules[module]["num_cells_by_type"].items():
+            for _ in range(count if f"\\{kind}" in modules else 0):
+                visit(f"\\{kind}")
+
+    visit(f"\\{top}")
+    parts = [
+        Part(module.lstrip("\\"), count, _gates(modules[module]["num_cells_by_type"]))
+        for module, count in instances.items()
+    ]
+    return sorted(parts, key=lambda part: (-part.instances * part.gates, part.module))
+
+
+def mapped(folder: Path, generic_folder: Path, library: Library, top: str) -> Mapped:
+    """Maps gates.il of `generic_folder` to cells and writes mapped.v into `folder`, where the library's files are."""
+    (folder / "gates.il").write_bytes((generic_folder / "gates.il").read_bytes())
+    (folder / "mapping.abc").write_text(MAPPING)
+    sequential, gates = libraries.sequential(library), libraries.combinational(library)
+    read = "\n".join(f"read_liberty -lib -ignore_miss_func {file}" for file in sequential)
+    script = f"""read_rtlil gates.il
+{read}
+dfflibmap {_liberties(sequential)}
+# Registers are named after what they hold, so that a critical path reads in the unit's own names.
+splitnets
+rename -wire -suffix _reg t:$_* %n
+abc {_liberties(gates)} -script mapping.abc
+opt_clean -purge
+tee -q -o mapped.json stat -json {_liberties(library.file_names)}
+write_verilog -noattr -noexpr -simple-lhs mapped.v
+"""
+    tools.yosys(script, folder, "mapping")
+    (folder / "gates.il").unlink()
+    found = _stat(folder / "mapped.json")["modules"][f"\\{top}"]
+    # Macros stand beside the cells; they have no area in any of the files.
+    macros = sum(n for cell, n in found["num_cells_by_type"].items() if cell.startswith("ram_"))
+    return Mapped(found["num_cells"] - macros, found["area"], found["sequential_area"])
+
+
+def _liberties(names: list[str]) -> str:
+    return " ".join(f"-liberty {name}" for name in names)
+
+
+def _stat(file: Path) -> dict[str, Any]:
+    return json.loads(file.read_text(encoding="utf-8"))
+
+
+def _cells(file: Path, top: str) -> dict[str, int]:
+    return _stat(file)["modules"][f"\\{top}"]["num_cells_by_type"]
+
+
+def _gates(cells: Mapping[str, int]) -> int:
+    """Gate equivalents of cells; what is not of Yosys's own gates, such as flip-flops with enables, counts nothing."""
+    return round(sum(TRANSISTORS.get(cell, 0) * count for cell, count in cells.items()) / TRANSISTORS_A_GATE)
+
+
+def _without_flip_flops(cells: Mapping[str, int]) -> dict[str, int]:
+    return {cell: count for cell, count in cells.items() if not FLIP_FLOP.fullmatch(cell)}
