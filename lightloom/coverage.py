@@ -2,11 +2,13 @@
 
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from golden_model import bitpack
 from golden_model.units import OPERATORS, UNITS
+from lightloom.machine import versions
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
 from sim.bulk import BulkUnit
@@ -32,7 +34,8 @@ BAR = 0.95
 
 
 def measure(unit: str, out: Path) -> dict[str, Any]:
-    """Measures a unit and leaves its Verilog in `out`: a row of figures under "row", and "untaken", "bins", "wrong".
+    """Measures a unit and leaves its Verilog in `out`: "row" is its figures; "bins" and "untaken"
+    are rows; "wrong" are lines.
 
     Raises BenchError or BulkError where the unit is wrong, InputError where a tool is missing.
     """
@@ -61,16 +64,29 @@ def measure(unit: str, out: Path) -> dict[str, Any]:
     if unit in UNITS:
         bins = together([_possible(unit, bins), _tried(unit, verilog)])
     missed, wrong = untaken(unit, counts, verilog, exclusions())
-    row: dict[str, Any] = {"unit": unit, "preset": PRESET if unit in UNITS else "small", "tests": tests}
-    for kind in ("branch", "toggle"):
-        row[f"{kind}_hit"], row[f"{kind}_all"] = share(n for point, n in counts.items() if point.kind == kind)
-    row["branch_explained"] = sum(each.reason is not None for each in missed)
-    row["bins_hit"], row["bins_all"] = share(n for group in bins.values() for n in group.values())
-    row["seconds"] = round(time.perf_counter() - started, 1)
+    counted = {
+        kind: share(count for point, count in counts.items() if point.kind == kind) for kind in ("branch", "toggle")
+    }
+    filled = share(count for group in bins.values() for count in group.values())
     return {
-        "row": row,
-        "bins": bins,
-        "wrong": wrong,
+        "row": {
+            "unit": unit,
+            "configuration": PRESET if unit in UNITS else "small",
+            "tests": tests,
+            "branches": counted["branch"][1],
+            "branches_taken": counted["branch"][0],
+            "branches_explained": sum(each.reason is not None for each in missed),
+            "toggles": counted["toggle"][1],
+            "toggles_seen": counted["toggle"][0],
+            "bins": filled[1],
+            "bins_filled": filled[0],
+            "seconds": time.perf_counter() - started,
+        },
+        "bins": [
+            {"unit": unit, "group": group, "bin": name, "count": count}
+            for group, named in bins.items()
+            for name, count in named.items()
+        ],
         "untaken": [
             {
                 "unit": unit,
@@ -83,7 +99,35 @@ def measure(unit: str, out: Path) -> dict[str, Any]:
             }
             for each in missed
         ],
+        "wrong": wrong,
     }
+
+
+def report_of(measured: Sequence[dict[str, Any]], command: str) -> dict[str, Any]:
+    """What `measure` has given for each unit, as one report: rows of units, of bins, and of branches not taken."""
+    return {
+        "command": command,
+        "versions": versions(),
+        "rows": [each["row"] for each in measured],
+        **{name: [row for each in measured for row in each[name]] for name in ("bins", "untaken", "wrong")},
+    }
+
+
+def faults(report: dict[str, Any]) -> list[str]:
+    """Why a report does not pass, a line each."""
+    rows = report["rows"]
+    taken, number = (sum(row[name] for row in rows) for name in ("branches_taken", "branches"))
+    lines = [f"{each}; sim/coverage_exclusions.toml is wrong" for each in report["wrong"]]
+    if taken < BAR * number:
+        lines.append(f"{taken} of {number} branches are taken, less than {BAR:.0%}")
+    for each in report["untaken"]:
+        if each["reason"] is None:
+            where = "{unit}.v:{line}:{column}: {arm} of `{source}`".format_map(each)
+            lines.append(f"{where} is not taken, and nothing says why")
+    for each in report["bins"]:
+        if not each["count"]:
+            lines.append("{unit}: {group}: {bin}: never seen".format_map(each))
+    return lines
 
 
 def _possible(unit: str, bins: Groups) -> Groups:

