@@ -22,10 +22,15 @@ VECTORS: dict[str, Callable[[int, int], np.ndarray]] = {
 
 def unit_vectors(unit: str, count: int, seed: int) -> np.ndarray:
     """`count` operands of a unit, plausible ones and corner cases mixed; the same for the same seed."""
-    return random_vectors(unit, count, seed) if unit in OPERATORS else VECTORS[unit](count, seed)
+    if unit not in OPERATORS:
+        return VECTORS[unit](count, seed)
+    rng = np.random.default_rng(seed)
+    corners = rng.choice(corner_vectors(unit), count // 2, replace=False)
+    return rng.permutation(np.concatenate([corners, random_vectors(unit, count - len(corners), seed)]))
 
 
 def many_vectors(unit: str, count: int, seed: int) -> np.ndarray:
     """`count` random operands and, of a number unit, all of its corner cases too."""
-    operands = unit_vectors(unit, count, seed)
-    return np.concatenate([corner_vectors(unit), operands]) if unit in OPERATORS else operands
+    if unit not in OPERATORS:
+        return VECTORS[unit](count, seed)
+    return np.concatenate([corner_vectors(unit), random_vectors(unit, count, seed)])
