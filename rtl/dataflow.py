@@ -90,6 +90,30 @@ class Dataflow:
         self._m.d.comb += result.eq(value)
         return Node(result, time, name, staged=stage)
 
+    def twice(self, name: str, function: Callable[..., Any], state: Node, *others: Node) -> Node:
+        """`function` of the state and other operands applied twice, in two cycles, the result being its next state.
+
+        Where the datapath takes operands in every other cycle, one piece of logic and one register do both. A function
+        that makes the state wider adds on top.
+        """
+        if self._phase is None:
+            once = self.logic(f"{name}_once", function, state, *others, stage=True)
+            return self.logic(name, function, once, *others, stage=True)
+        time = max(node.ready for node in (state, *others))
+        first = ~self._phase if time % 2 else self._phase
+        start = self.at(state, time)
+        operands = [self._at_either(first, node, time) for node in others]
+        growth = len(Value.cast(function(start, *operands))) - len(start)
+        held = Signal(len(start) + 2 * growth, name=name, reset_less=True)
+        with self._m.If(self._en):
+            self._m.d.sync += held.eq(function(Mux(first, start, held), *operands))
+        return Node(held, time + 2, name)
+
+    def _at_either(self, first: Value, node: Node, time: int) -> Value:
+        """The node's value in two cycles, the first of which is `time`."""
+        one, other = self.at(node, time), self.at(node, time + 1)
+        return one if one is other else Mux(first, one, other)
+
     def apply(self, name: str, core: Core, **operands: Node | int) -> dict[str, Node]:
         """The results, by field name, of an operation that a core like `core` does; an operand may be a constant."""
         placed, time = self._place(core, max(node.ready for node in operands.values() if isinstance(node, Node)))
@@ -114,6 +138,9 @@ class Dataflow:
                 return self._placed[-1], time
         raise AssertionError(f"more operations than {len(alike)} cores of {core.unit.name} can do")
 
+    def _operand(self, operand: Node | int, time: int) -> Any:
+        return self.at(operand, time) if isinstance(operand, Node) else operand
+
     def finish(self) -> None:
         """Instantiates the cores, each as a submodule with the names of its operations."""
         for placed in self._placed:
@@ -122,10 +149,7 @@ class Dataflow:
             self._m.d.comb += core.en.eq(self._en)
             for field_name in core.unit.input.names or ():
                 values = {
-                    turn: self.at(operands[field_name], time)
-                    if isinstance(operands[field_name], Node)
-                    else operands[field_name]
-                    for turn, (time, _, operands) in operations.items()
+                    turn: self._operand(operands[field_name], time) for turn, (time, _, operands) in operations.items()
                 }
                 value = Mux(self._phase, values[0], values[1]) if len(values) == 2 else next(iter(values.values()))
                 self._m.d.comb += core.i[field_name].eq(value)

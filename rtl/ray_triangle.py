@@ -7,7 +7,8 @@ from amaranth import Array, Mux, Value
 
 from rtl.config import Config
 from rtl.dataflow import Dataflow, DataflowCore, Node
-from rtl.float_flow import FloatFlow, is_finite, is_negative, is_positive, is_zero
+from rtl.determinant import is_usable, reciprocal, sum_of_magnitudes
+from rtl.float_flow import FloatFlow, is_finite, is_negative, is_positive
 
 
 class RayTriangle(DataflowCore):
@@ -59,16 +60,17 @@ class RayTriangle(DataflowCore):
         positive = flow.logic("positive", lambda a, b, c: is_positive(a) | is_positive(b) | is_positive(c), *edges)
         inside = flow.logic("inside", lambda n, p, cull: ~(n & p) & ~(cull & n), negative, positive, cull)
 
-        determinant = f.add("determinant", f.add("edge_ab", edge_a, edge_b), edge_c)
-        reciprocal = f.reciprocal("reciprocal", determinant)
+        edge_ab = sum_of_magnitudes(flow, config, "edge_ab", edge_a, edge_b)
+        determinant = sum_of_magnitudes(flow, config, "determinant", edge_ab, edge_c, stage=False)
+        sign = flow.logic("sign", lambda positive: ~positive, positive)
+        inverse = reciprocal(flow, config, "reciprocal", determinant, sign)
         depth_ab = f.add("depth_ab", f.multiply("depth_a", edge_a, az), f.multiply("depth_b", edge_b, bz))
         depth = f.add("depth", depth_ab, f.multiply("depth_c", edge_c, cz))
-        t = f.multiply("t", f.multiply("distance", depth, sz), reciprocal)
-        u = f.multiply("u", edge_b, reciprocal)
-        v = f.multiply("v", edge_c, reciprocal)
+        t = f.multiply("t", f.multiply("distance", depth, sz), inverse)
+        u = f.multiply("u", edge_b, inverse)
+        v = f.multiply("v", edge_c, inverse)
 
-        # The reciprocal is not 0 and below RECIPROCAL_LIMIT, the least number whose exponent's top three bits are ones.
-        usable = flow.logic("usable", lambda r, inside: ~r[28:31].all() & ~is_zero(r) & inside, reciprocal, inside)
+        usable = flow.logic("usable", lambda r, inside: is_usable(r) & inside, inverse, inside)
         after = f.compare("after_t_min", t_min, t)["less"]
         order = f.compare("before_t_max", t, t_max)
         hit = flow.logic(

@@ -6,6 +6,7 @@ from golden_model.bitpack import equal
 from golden_model.ray_triangle import ray_triangle
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
+from rtl.determinant import QUOTIENT_BITS, rows_of
 from tests.rtl.agreement import assert_agrees, bulk_unit
 from verif.ray_vectors import ray_triangle_vectors
 
@@ -41,6 +42,7 @@ def test_results_survive_stalls(unit: str) -> None:
 @pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS.keys())
 def test_latency_is_the_longest_path(config: Config) -> None:
     shear = 2 * config.add_depth + config.multiply_depth
-    determinant = config.difference_of_products_depth + 2 * config.add_depth
-    expected = shear + determinant + config.divide_depth + config.multiply_depth + config.compare_depth
+    determinant = config.difference_of_products_depth + 2 * min(config.add_depth, 2)
+    reciprocal = QUOTIENT_BITS // rows_of(config) + 1
+    expected = shear + determinant + reciprocal + config.multiply_depth + config.compare_depth
     assert CATALOGUE["ray_triangle"](config).latency == expected
