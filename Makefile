@@ -10,7 +10,7 @@ DRAGON  := build/meshes/dragon.ply
 WORKERS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help setup simulators meshes demo test lint test-long test-operators bench emit clean distclean
+.PHONY: help setup simulators meshes demo test lint test-long test-operators coverage bench emit clean distclean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -49,6 +49,9 @@ test-long: setup ## the long tests: millions of rays and vectors (an hour on two
 
 test-operators: setup ## number units: 4 million random vectors and the corner grid each, against SoftFloat; a table
 	$(BIN)/python -m tests.operators_long --json build/operators.json
+
+coverage: setup ## what the benches reach of the Verilog: branches, edges, bins (half an hour); build/coverage/
+	$(BIN)/lightloom coverage
 
 bench: setup ## measure: vectors a second, rays a second, emission time
 	$(BIN)/lightloom bench
