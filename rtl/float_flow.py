@@ -31,7 +31,7 @@ class FloatFlow:
     def multiply(self, name: str, a: Node, b: Node) -> Node:
         return self._flow.apply(name, FloatMultiply(self._config.multiply_depth), a=a, b=b)["z"]
 
-    def difference_of_products(self, name: str, a: Node, b: Node, c: Node, d: Node) -> Node:
+    def difference_of_products(self, name: str, a: Node, b: Node, c: Node | int, d: Node | int) -> Node:
         core = FloatDifferenceOfProducts(self._config.difference_of_products_depth)
         return self._flow.apply(name, core, a=a, b=b, c=c, d=d)["z"]
 
