@@ -4,6 +4,7 @@ In steps, each in a folder and each leaving files that the next one reads, so th
 libraries:
 
     generic   <unit>.v -> gates.il (gates of Yosys's own, flip-flops, memories that are kept out), counts
+    parts     <unit>.v -> counts of its modules
     mapped    gates.il -> mapped.v (cells of a library), counts and areas
 
 What is counted is said in docs/synthesis.md.
@@ -64,7 +65,6 @@ class Generic:
     """With all flip-flops, their enables and resets."""
     flip_flops: int
     memories: tuple[Memory, ...]
-    parts: tuple[Part, ...]
 
     @property
     def memory_bits(self) -> int:
@@ -75,8 +75,7 @@ class Generic:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "Generic":
-        memories = tuple(Memory(**memory) for memory in data["memories"])
-        return cls(**{**data, "memories": memories, "parts": tuple(Part(**part) for part in data["parts"])})
+        return cls(**{**data, "memories": tuple(Memory(**memory) for memory in data["memories"])})
 
 
 @dataclass(frozen=True)
@@ -114,7 +113,6 @@ design -save fast
         gates=_gates(_cells(folder / "all.json", top)),
         flip_flops=flip_flops,
         memories=tuple(memories),
-        parts=tuple(_parts(verilog, top, folder, memory_bits)),
     )
 
 
@@ -135,11 +133,12 @@ def _elaborate(verilog: str, top: str, folder: Path, memory_bits: int, name: str
     return f"read_json {name}.json\nhierarchy -top {top}\n{synth} -run fine:check\n", memories
 
 
-def _parts(verilog: str, top: str, folder: Path, memory_bits: int) -> list[Part]:
+def parts(verilog: str, top: str, folder: Path, memory_bits: int) -> list[Part]:
     """The modules of the unit, each synthesised on its own: those with most gates over all instances first."""
-    script, _ = _elaborate(verilog, top, folder, memory_bits, "parts")
-    tools.yosys(f"{script}abc\nopt -fast\n{PLAIN_FLIP_FLOPS}{COUNT.format(file='parts.json')}", folder, "hierarchy")
-    modules = _stat(folder / "parts.json")["modules"]
+    (folder / "unit.v").write_text(verilog, encoding="utf-8")
+    script, _ = _elaborate(verilog, top, folder, memory_bits, "hierarchical")
+    tools.yosys(f"{script}abc\nopt -fast\n{PLAIN_FLIP_FLOPS}{COUNT.format(file='modules.json')}", folder, "modules")
+    modules = _stat(folder / "modules.json")["modules"]
     instances: Counter[str] = Counter()
 
     def visit(module: str) -> None:
@@ -149,11 +148,11 @@ def _parts(verilog: str, top: str, folder: Path, memory_bits: int) -> list[Part]
                 visit(f"\\{kind}")
 
     visit(f"\\{top}")
-    parts = [
+    found = [
         Part(module.lstrip("\\"), count, _gates(modules[module]["num_cells_by_type"]))
         for module, count in instances.items()
     ]
-    return sorted(parts, key=lambda part: (-part.instances * part.gates, part.module))
+    return sorted(found, key=lambda part: (-part.instances * part.gates, part.module))
 
 
 def mapped(folder: Path, generic_folder: Path, library: Library, top: str) -> Mapped:

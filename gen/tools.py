@@ -31,7 +31,8 @@ PACKAGES = {
 DEBIAN = {"sta": "opensta", "qflow": "qflow", "iverilog": "iverilog", "vvp": "iverilog"}
 """Programs of the host: the Debian package of each."""
 
-ERROR = re.compile(r"\berror\b", re.IGNORECASE)
+ERROR = re.compile(r"\berror\b|\btrap:", re.IGNORECASE)
+"""In the line that says what went wrong; a trap is what the sandbox makes of a crash."""
 
 
 def path_of(program: str) -> str | None:

@@ -14,7 +14,7 @@ from typing import Any
 
 from gen import libraries, macros, memories, synthesis, timing, tools
 from gen.macros import Macro
-from gen.synthesis import Generic, Mapped
+from gen.synthesis import Generic, Mapped, Part
 from gen.timing import Timing
 from golden_model.errors import InputError
 from golden_model.outputs import whole_file
@@ -47,6 +47,8 @@ class Options:
     setup: float = 0.1
     """How long before the clock edge a memory's inputs must be there, in clock periods."""
     macros: tuple[Macro, ...] = ()
+    parts: bool = False
+    """Also count the modules of a unit: a synthesis of its own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +58,8 @@ class Measured:
     unit: str
     preset: str
     generic: Generic
+    parts: tuple[Part, ...] = ()
+    """Its modules, where they were asked for."""
     library: str | None = None
     mapped: Mapped | None = None
     timing: Timing | None = None
@@ -102,7 +106,7 @@ class Measured:
         """Every memory in macros, if there are any."""
         return [macros.tile(memory, self.options.macros) for memory in self.generic.memories if self.options.macros]
 
-    def parts(self) -> list[Row]:
+    def modules(self) -> list[Row]:
         """The modules of the unit: instances, and gate equivalents of one and of all."""
         key = {"unit": self.unit, "preset": self.preset}
         return [
@@ -113,7 +117,7 @@ class Measured:
                 "gates_each": part.gates,
                 "gates": part.instances * part.gates,
             }
-            for part in self.generic.parts
+            for part in self.parts
         ]
 
     def memories(self) -> list[Row]:
@@ -154,6 +158,14 @@ def measure(unit: str, preset: str, source: Source | None, options: Options, clo
     made, seconds = _kept(folder / "generic.json", elaborate)
     generic = Generic.from_json(made)
     measured = Measured(unit=unit, preset=preset, generic=generic, folder=folder, options=options, seconds=seconds)
+    if options.parts:
+
+        def take_apart() -> Row:
+            return {"parts": [asdict(part) for part in synthesis.parts(verilog, unit, folder, options.memory_bits)]}
+
+        made, taken = _kept(folder / "parts.json", take_apart)
+        parts = tuple(Part(**part) for part in made["parts"])
+        measured = replace(measured, parts=parts, seconds=seconds + taken)
     return measured if source is None else _with_library(measured, source, clock or source.period)
 
 

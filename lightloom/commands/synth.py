@@ -47,7 +47,9 @@ def synth(
     setup: Annotated[
         float, typer.Option("--setup", metavar="PART", help="Set-up time of a memory's inputs, in clock periods.")
     ] = 0.1,
-    modules: Annotated[bool, typer.Option("--modules", help="Also print the area by module.")] = False,
+    modules: Annotated[
+        bool, typer.Option("--modules", help="Also find the area by module, which takes as long again.")
+    ] = False,
     check: Annotated[
         bool, typer.Option("--check", help="Simulate each mapped netlist against the golden model.")
     ] = False,
@@ -91,6 +93,7 @@ def synth(
         access=access,
         setup=setup,
         macros=tuple(read_macros(macros or [])),
+        parts=modules,
     )
     if clock is not None and not clock > 0:
         raise InputError(f"--clock {clock}: must be above 0, in nanoseconds")
@@ -116,7 +119,7 @@ def synth(
         "command": " ".join(["lightloom synth", *(units or []), *chosen]),
         "versions": synthesis.versions(),
         "rows": [one.row() for one in measured],
-        "modules": [row for one in measured for row in one.parts()],
+        "modules": [row for one in measured for row in one.modules()],
         "memories": [row for one in measured for row in one.memories()],
         "checks": checks,
     }
