@@ -118,6 +118,8 @@ class Dataflow:
         """The results, by field name, of an operation that a core like `core` does; an operand may be a constant."""
         placed, time = self._place(core, max(node.ready for node in operands.values() if isinstance(node, Node)))
         placed.operations[time % self._interval] = (time, name, operands)
+        if self._phase is None:
+            self._instantiate(placed)
         results: data.View = placed.core.o
         return {
             field_name: Node(results[field_name], time + core.latency, f"{name}_{field_name}")
@@ -142,17 +144,22 @@ class Dataflow:
         return self.at(operand, time) if isinstance(operand, Node) else operand
 
     def finish(self) -> None:
-        """Instantiates the cores, each as a submodule with the names of its operations."""
-        for placed in self._placed:
-            core, operations = placed.core, placed.operations
-            self._m.submodules["_and_".join(name for _, name, _ in operations.values())] = core
-            self._m.d.comb += core.en.eq(self._en)
-            for field_name in core.unit.input.names or ():
-                values = {
-                    turn: self._operand(operands[field_name], time) for turn, (time, _, operands) in operations.items()
-                }
-                value = Mux(self._phase, values[0], values[1]) if len(values) == 2 else next(iter(values.values()))
-                self._m.d.comb += core.i[field_name].eq(value)
+        """Has to be called in the end where operations share cores: only then all operations of a core are known."""
+        if self._phase is not None:
+            for placed in self._placed:
+                self._instantiate(placed)
+
+    def _instantiate(self, placed: Placed) -> None:
+        """A core as a submodule with the names of its operations."""
+        core, operations = placed.core, placed.operations
+        self._m.submodules["_and_".join(name for _, name, _ in operations.values())] = core
+        self._m.d.comb += core.en.eq(self._en)
+        for field_name in core.unit.input.names or ():
+            values = {
+                turn: self._operand(operands[field_name], time) for turn, (time, _, operands) in operations.items()
+            }
+            value = Mux(self._phase, values[0], values[1]) if len(values) == 2 else next(iter(values.values()))
+            self._m.d.comb += core.i[field_name].eq(value)
 
 
 class DataflowCore(Core):
