@@ -15,7 +15,20 @@ import typer
 from typer.main import get_command
 
 from golden_model.errors import InputError
-from lightloom.commands import bench, compare, coverage, demo, emit, irradiance, pack, policies, render, synth, trace
+from lightloom.commands import (
+    bench,
+    compare,
+    coverage,
+    demo,
+    emit,
+    fpga,
+    irradiance,
+    pack,
+    policies,
+    render,
+    synth,
+    trace,
+)
 
 DIFFERENT, BAD_INPUT, OWN_FAULT, INTERRUPTED, TERMINATED = 1, 2, 70, 130, 143
 
@@ -33,6 +46,7 @@ for _command in (
     policies.policies,
     emit.emit,
     synth.synth,
+    fpga.fpga,
     pack.pack,
     trace.trace,
     irradiance.irradiance,

