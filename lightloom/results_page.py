@@ -1,0 +1,270 @@
+"""The page docs/results.md, made from what the commands have measured (`lightloom.results` runs them all):
+
+python -m lightloom.results_page build/results/*.json > docs/results.md
+"""
+
+import json
+import math
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+Row = dict[str, Any]
+Report = dict[str, Any]
+Cell = Callable[[Row], object]
+
+UNIT = {"unit": "unit", "preset": "preset"}
+RATE = {"latency": "latency", "initiation_interval": "interval"}
+GATES = {**UNIT, **RATE, "gates": "gates", "logic_gates": "logic alone", "flip_flops": "flip-flops"}
+GATES |= {"memories": "memories", "memory_bits": "their bits"}
+MAPPED = {**UNIT, **RATE, "cells": "cells", "area_um2": "area, µm²", "flip_flop_area_um2": "of it flip-flops"}
+MAPPED |= {"fmax_mhz": "MHz", "path_cells": "cells deep", "path_start": "from", "path_end": "to"}
+CHECKS = {**UNIT, "library": "library", "seed": "seed", "vectors": "vectors", "mismatches": "mismatches"}
+MACROS = {**UNIT, "memory": "memory", "depth": "words", "width": "bits", "macro": "macro", "macros": "macros"}
+MACROS |= {"filled": "filled", "macro_area_um2": "area, µm²"}
+FPGA = {**UNIT, "device": "device", "luts": "LUTs", "luts_available": "of", "flip_flops": "flip-flops"}
+FPGA |= {"wrapper_flip_flops": "the wrapper's", "multipliers": "multipliers", "block_rams": "block RAMs"}
+FPGA |= {"fits": "fits", "fmax_mhz": "MHz"}
+CYCLES = {"scene": "scene", "width": "width", "contexts": "contexts", "latency": "latency", "rays": "rays"}
+CYCLES |= {"cycles_per_ray": "cycles a ray", "node_tests": "node tests", "triangle_tests": "triangle tests"}
+CYCLES |= {"ratio": "ratio", "mismatches": "mismatches"}
+
+PREAMBLE = """\
+# Results
+
+Generated: every table is what the command above it has printed with `--json`. How the figures come about is in
+[synthesis.md](synthesis.md). All timing is after mapping and before layout: wires have no length, the clock is ideal.
+"""
+
+GATES_TEXT = """\
+In two-input-gate equivalents: transistors of `abc -g cmos2` divided by four. **gates** counts everything, flip-flops
+with their enables and resets too; **logic alone** leaves flip-flops out, as the published figures below do. Memories
+with synchronous reads are counted as bits.
+"""
+
+PUBLISHED: list[tuple[str, str, str]] = [
+    ("ray-triangle test, Appl. Sci. 12:9599 (MPRTA)", "337", "one triangle; logic alone"),
+    ("ray-box test, Appl. Sci. 12:9599 (MPRTA)", "186", "two boxes; logic alone"),
+    ("float32 fused multiply-add, multiplier and adder, the same", "14.4, 10.8, 6.2", "logic alone"),
+]
+"""What, thousands of gates, and what it covers."""
+
+PUBLISHED_TEXT = """\
+### Beside what others have published
+
+{ours}
+
+{published}
+
+RayFlex (Purdue) tests four boxes or one triangle a cycle and the ray-tracing unit of Vortex one of each; neither states
+an area in gates. Vortex reports 80,313 LUTs, 59,674 flip-flops and 146 DSPs for its unit with four contexts on an Alveo
+U55C.
+"""
+
+
+def table(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A Markdown table."""
+    lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
+    return "\n".join([*lines, *("| " + " | ".join(_cell(value) for value in row) + " |" for row in rows)])
+
+
+def _cell(value: object) -> str:
+    if value is None or value == "":
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return f"{value:,}"
+    if isinstance(value, float):
+        return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+    return str(value).replace("|", "\\|")
+
+
+def _rows(rows: Sequence[Row], columns: dict[str, str]) -> str:
+    return table(list(columns.values()), [[row.get(key) for key in columns] for row in rows])
+
+
+def _kind(report: Report) -> str:
+    """The command's name."""
+    return report["command"].split()[1]
+
+
+def _made_by(reports: Sequence[Report]) -> str:
+    """The commands and the versions of the tools, above a table."""
+    commands = list(dict.fromkeys(report["command"] for report in reports))
+    versions = {name: version for report in reports for name, version in report.get("versions", {}).items()}
+    tools = ", ".join(f"{name} {version}" for name, version in versions.items())
+    return "\n".join(["```", *commands, "```", *([f"\n{tools}"] if tools else [])]) + "\n"
+
+
+def _sorted(reports: Sequence[Report], name: str) -> list[Row]:
+    """The rows of several reports, one of each kind, presets of a unit together."""
+    found = {
+        (row.get("unit"), row.get("preset"), row.get("memory"), row.get("library")): row
+        for report in reports
+        for row in report.get(name, [])
+    }
+    return list(found.values())
+
+
+def gates(reports: Sequence[Report]) -> Iterator[str]:
+    """Gate equivalents, and those of others beside them."""
+    rows = _sorted(reports, "rows")
+    yield "## Gates\n"
+    yield _made_by(reports)
+    yield GATES_TEXT
+    yield _rows(rows, GATES) + "\n"
+    what = {"node_test": "eight boxes", "ray_triangle": "one triangle", "ray_triangle_half": "half a triangle"}
+    ours = [
+        (
+            f"{row['unit']}, {row['preset']}",
+            row["logic_gates"] / 1000,
+            row["gates"] / 1000,
+            f"{what[row['unit']]} a cycle",
+        )
+        for row in rows
+        if row["unit"] in what
+    ]
+    yield PUBLISHED_TEXT.format(
+        ours=table(["here", "logic alone, thousands", "gates, thousands", "does"], ours),
+        published=table(["published", "thousands of gates", "does a cycle"], PUBLISHED),
+    )
+
+
+def mapped(reports: Sequence[Report]) -> Iterator[str]:
+    """One table a library and clock."""
+    for library in dict.fromkeys(report["rows"][0]["library"] for report in reports):
+        ours = [report for report in reports if report["rows"][0]["library"] == library]
+        rows = _sorted(ours, "rows")
+        yield f"## {library}\n"
+        yield _made_by(ours)
+        clocks = sorted({row["clock_ns"] for row in rows if row["clock_ns"]})
+        if clocks:
+            asked = ", ".join(f"{clock:g}" for clock in clocks)
+            yield f"Clock period asked for, which the access time of memories is half of: {asked} ns.\n"
+        yield _rows(rows, MAPPED) + "\n"
+        memories = [row for row in _sorted(ours, "memories") if row["macro"]]
+        if memories:
+            yield "### Memories in macros\n"
+            yield _rows(memories, MACROS) + "\n"
+    checks = [row for report in reports for row in report["checks"]]
+    if checks:
+        yield "## Netlists against the golden model\n"
+        yield _made_by([report for report in reports if report["checks"]])
+        yield _rows(checks, CHECKS) + "\n"
+
+
+def _plain(title: str, columns: dict[str, str] | None = None) -> Callable[[Sequence[Report]], Iterator[str]]:
+    """A section with one table of all rows; without `columns`, with a column for every key."""
+
+    def section(reports: Sequence[Report]) -> Iterator[str]:
+        yield f"## {title}\n"
+        yield _made_by(reports)
+        rows = [row for report in reports for row in report["rows"]]
+        keys = columns or {key: key.replace("_", " ") for row in rows for key in row}
+        yield _rows(rows, keys) + "\n"
+
+    return section
+
+
+SECTIONS: dict[str, Callable[[Sequence[Report]], Iterator[str]]] = {
+    "gates": gates,
+    "synth": mapped,
+    "fpga": _plain("ECP5", FPGA),
+    "bench": _plain("Cycles a ray", CYCLES),
+    "prove": _plain("Proofs"),
+    "mutations": _plain("Mutations"),
+    "coverage": _plain("Coverage"),
+}
+"""In the order of the page; each takes the reports of one kind."""
+
+
+def page(reports: Sequence[Report]) -> str:
+    """The page; `reports` are the JSON of the commands, in any order."""
+    kinds: dict[str, list[Report]] = {kind: [] for kind in SECTIONS}
+    for report in map(_unwrapped, reports):
+        kind = _kind(report)
+        if kind == "synth" and report["rows"][0]["library"] is None:
+            kind = "gates"
+        elif kind == "prove" and "--mutations" in report["command"]:
+            kind = "mutations"
+        kinds[kind].append(report)
+    parts = [
+        PREAMBLE,
+        *bars([row for report in kinds["gates"] + kinds["synth"] + kinds["fpga"] for row in report["rows"]]),
+    ]
+    for kind, section in SECTIONS.items():
+        if kinds[kind]:
+            parts += section(kinds[kind])
+    return "\n".join(parts).rstrip() + "\n"
+
+
+def _unwrapped(report: Report) -> Report:
+    """A report with its rows at the top: that of `lightloom bench traversal` has them one level down."""
+    if "traversal" not in report:
+        return report
+    measured = report["traversal"]
+    return {"command": measured["command"], "versions": {}, "rows": measured["speed"]}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bar:
+    """What was asked for of the units of one preset, or of one of them."""
+
+    what: str
+    preset: str
+    least_mhz: float | None = None
+    most_gates: int | None = None
+    library: str | None = None
+    device: str | None = None
+    unit: str | None = None
+
+    def concerns(self, row: Row) -> bool:
+        """Whether the bar is about the row of a measurement."""
+        same = row.get("library") == self.library and row.get("device") == self.device
+        return same and row["preset"] == self.preset and self.unit in (None, row["unit"])
+
+    def figure(self, row: Row) -> float | None:
+        return row["gates"] if self.least_mhz is None else row["fmax_mhz"]
+
+    def met(self, row: Row) -> bool:
+        figure = self.figure(row)
+        if figure is None:
+            return False
+        return figure <= (self.most_gates or 0) if self.least_mhz is None else figure >= self.least_mhz
+
+
+BARS = [
+    Bar(what="every unit on ASAP7 RVT TT", preset="full", least_mhz=1000, library="asap7 typ"),
+    Bar(what="every unit on IHP SG13G2 typ", preset="full", least_mhz=200, library="ihp-sg13g2 typ"),
+    Bar(what="every unit on IHP SG13G2 slow", preset="base", least_mhz=125, library="ihp-sg13g2 slow"),
+    Bar(what="the traversal unit on an ECP5-85k", preset="tiny", least_mhz=50, device="85k", unit="traversal"),
+    Bar(what="eight boxes a cycle", preset="base", most_gates=190_000, unit="node_test"),
+    Bar(what="a triangle a cycle", preset="base", most_gates=300_000, unit="ray_triangle"),
+    Bar(what="a triangle in two cycles", preset="base", most_gates=180_000, unit="ray_triangle_half"),
+]
+
+
+def bars(rows: Sequence[Row]) -> Iterator[str]:
+    """What was asked for, the worst unit, and those that miss it."""
+    lines = []
+    for bar in BARS:
+        found = [row for row in rows if bar.concerns(row)]
+        if not found:
+            continue
+        # Of clocks the slowest, of areas the greatest; a unit without a figure is worse than all.
+        sign = -1 if bar.least_mhz is None else 1
+        worst = min(found, key=lambda row: sign * figure if (figure := bar.figure(row)) is not None else -math.inf)
+        asked = f"at most {bar.most_gates:,} gates" if bar.least_mhz is None else f"at least {bar.least_mhz:g} MHz"
+        missing = ", ".join(f"{row['unit']} {_cell(bar.figure(row))}" for row in found if not bar.met(row))
+        figure = f"{_cell(bar.figure(worst))} ({worst['unit']})"
+        lines.append((bar.what, bar.preset, asked, len(found), figure, not missing, missing))
+    if lines:
+        yield "## Against the bars\n"
+        yield table(["what", "preset", "bar", "units measured", "worst", "met", "what misses it"], lines) + "\n"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(page([json.loads(Path(name).read_text(encoding="utf-8")) for name in sys.argv[1:]]))
