@@ -1,6 +1,6 @@
 """The arbiter of the memory port: AXI's rules, order, and everybody's turn."""
 
-from functools import reduce
+from functools import partial, reduce
 from operator import or_
 
 from amaranth import Array, Cat, Const, Mux, Signal, Value
@@ -125,12 +125,16 @@ def properties() -> list[Property]:
             name=f"{channel}-{count}",
             says=says,
             method=Induction(depth=1),
-            build=lambda build=build, count=count: build(count),
+            build=partial(build, count),
             reach=6,
             quick=count == 3,
         )
         for channel, build, says in (
-            ("ar", addresses, "one master a cycle, in order, its number in the id, stable until taken; each in its turn"),
+            (
+                "ar",
+                addresses,
+                "one master a cycle, in order, its number in the id, stable until taken; each in its turn",
+            ),
             ("r", data, "a beat goes to the master that its id names, once, in order, stable until taken"),
         )
         for count in (1, 3, 4)

@@ -1,5 +1,7 @@
 """The counters of a traversal unit, and what puts the beats of a block together."""
 
+from functools import partial
+
 from amaranth import Array, Mux, Signal
 
 from gen.formal.bench import Bench
@@ -91,7 +93,7 @@ def properties() -> list[Property]:
                 name=f"beats-{width}",
                 says="beats of any misses in any order: each to its line and place; whole, and failed, when it is",
                 method=Induction(depth=2),
-                build=lambda width=width: fill(width, 5),
+                build=partial(fill, width, 5),
                 reach=512 // width + 4,
                 quick=width == 128,
             )

@@ -1,6 +1,8 @@
 """What waits: buffers, queues in a RAM, lists of free numbers."""
 
-from amaranth import Array, Cat, Mux, Signal, Value
+from functools import partial
+
+from amaranth import Array, Mux, Signal, Value
 
 from gen.formal.bench import Bench
 from gen.formal.properties import Induction, Property
@@ -27,7 +29,9 @@ class FifoInside:
         self.slots = []
         for slot in range(self.depth):
             behind = Signal(range(2 * self.depth), name=f"{name}_behind{slot}")
-            bench.m.d.comb += behind.eq(Mux(self._consume > slot, slot + self.depth - self._consume, slot - self._consume))
+            bench.m.d.comb += behind.eq(
+                Mux(self._consume > slot, slot + self.depth - self._consume, slot - self._consume)
+            )
             self.slots.append((behind < self.level, bench.peek(f"{path}/storage", slot, f"{name}{slot}")))
 
     def at(self, place: Value) -> Value:
@@ -139,7 +143,7 @@ def properties() -> list[Property]:
                 name=f"depth{depth}",
                 says="a FIFO of its depth that always has room, in order, payload holds, comes out",
                 method=Induction(depth=1),
-                build=lambda depth=depth: queue(depth),
+                build=partial(queue, depth),
                 reach=3 * depth + 2,
                 quick=depth == 3,
             )
@@ -151,7 +155,7 @@ def properties() -> list[Property]:
                 name=f"count{count}",
                 says="a number is never given to two; all of them can be had; none is lost",
                 method=Induction(depth=1),
-                build=lambda count=count: free_list(count),
+                build=partial(free_list, count),
                 reach=2 * count + 4,
                 quick=count == 3,
             )

@@ -5,7 +5,7 @@ import re
 import shutil
 import subprocess
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 
@@ -104,38 +104,39 @@ def _prove(one: Property, solver: str, where: Path, programs: Path) -> tuple[Sta
     (where / "top.il").write_text(one.build().rtlil(), encoding="utf-8")
     mode = "bmc" if isinstance(one.method, Bounded | Combinational) else "prove"
     # The first cycle is one of reset, in which nothing is required: it does not count.
-    runs = [(mode, one.method.depth + 1)] + ([("cover", one.reach + 1)] if one.reach else [])
-    for mode, depth in runs:
-        project = PROJECT.format(mode=mode, depth=depth, timeout=TIMEOUT, engine=SOLVERS[solver], first=FIRST)
-        (where / f"{mode}.sby").write_text(project, encoding="utf-8")
-        path = os.pathsep.join([str(programs.absolute()), str(Path(tools.require("yowasp-sby")).parent)])
-        ran = subprocess.run(
-            [tools.require("yowasp-sby"), "-f", f"{mode}.sby"],
-            cwd=where,
-            env={**os.environ, "PATH": os.pathsep.join([path, os.environ.get("PATH", "")])},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-        )
-        result = STATUS.search(ran.stdout)
-        if result is None or result[1] not in MEANINGS:
-            errors = [line for line in ran.stdout.splitlines() if "ERROR" in line]
-            raise RuntimeError(f"{one.key}: SymbiYosys failed: {errors[-1] if errors else ran.stdout[-2000:]}")
-        if result[1] == "PASS":
-            continue
-        status = MEANINGS[result[1]] if mode != "cover" else "vacuous"
-        found = sorted({name for match in FAILED.finditer(ran.stdout) for name in match.groups() if name})
-        trace = next(iter(sorted(where.glob(f"{mode}/engine_0/trace*.vcd"))), None)
-        return status, ", ".join(found), str(trace.relative_to(where)) if trace else ""
-    return "proved", "", ""
+    status, note, trace = _run(one, solver, mode, one.method.depth + 1, where, programs)
+    if status == "undecided":
+        # An induction fails where the invariant is too weak or where it is broken: a run from reset tells.
+        searched = _run(one, solver, "bmc", SEARCH, where, programs)
+        status, note, trace = searched if searched[0] == "failed" else (status, note, trace)
+    if status == "proved" and one.reach:
+        reached, unreached, _ = _run(one, solver, "cover", one.reach + 1, where, programs)
+        status, note = (status, note) if reached == "proved" else ("vacuous", f"never: {unreached}")
+    return status, note, trace
+
+
+def _run(one: Property, solver: str, mode: str, depth: int, where: Path, programs: Path) -> tuple[Status, str, str]:
+    """One run of SymbiYosys."""
+    sby = tools.require("yowasp-sby")
+    project = PROJECT.format(mode=mode, depth=depth, timeout=TIMEOUT, engine=SOLVERS[solver], first=FIRST)
+    (where / f"{mode}.sby").write_text(project, encoding="utf-8")
+    path = [str(programs.absolute()), str(Path(sby).parent), os.environ.get("PATH", os.defpath)]
+    ran = subprocess.run(
+        [sby, "-f", f"{mode}.sby"],
+        cwd=where,
+        env={**os.environ, "PATH": os.pathsep.join(path)},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    result = STATUS.search(ran.stdout)
+    if result is None or result[1] not in MEANINGS:
+        errors = [line for line in ran.stdout.splitlines() if "ERROR" in line]
+        raise RuntimeError(f"{one.key}: SymbiYosys failed: {errors[-1] if errors else ran.stdout[-2000:]}")
+    found = ", ".join(sorted(set(FAILED.findall(ran.stdout))))
+    trace = next(iter(sorted(where.glob(f"{mode}/engine_0/trace*.vcd"))), None)
+    return MEANINGS[result[1]], found, str(trace.relative_to(where)) if trace else ""
 
 
 MEANINGS: dict[str, Status] = {"PASS": "proved", "FAIL": "failed", "UNKNOWN": "undecided", "TIMEOUT": "timed out"}
-
-
-def choose(known: Sequence[Property], names: Sequence[str]) -> Iterator[Property]:
-    """The properties whose unit or unit/property is named; all of them if nothing is."""
-    for one in known:
-        if not names or one.unit in names or one.key in names:
-            yield one

@@ -6,14 +6,13 @@ Nothing of the handshake depends on the data, so the datapath is cut away: in it
 latency whose results are free. That makes the proofs of the largest units as small as those of the least.
 """
 
-from functools import reduce
-from operator import add
+from functools import partial
 
-from amaranth import Array, Const, Module, Mux, Signal, Value
+from amaranth import Array, Cat, Module, Signal, Value
 
 from gen.formal.bench import Bench
 from gen.formal.properties import Induction, Property
-from gen.formal.streams import Tracker, held
+from gen.formal.streams import held
 from golden_model.units import UNITS
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
@@ -24,6 +23,7 @@ class FreeCore(Core):
     """Stands for any core of its unit and latency: results are free, and move only with `en`."""
 
     def __init__(self, core: Core):
+        self.initiation_interval = core.initiation_interval
         super().__init__(core.unit.name, core.latency)
         self.free = Signal(len(Value.cast(self.o)))
 
@@ -39,45 +39,56 @@ def handshake(unit: str, config: Config) -> Bench:
     assert isinstance(component, StreamUnit)
     assert component.latency > 0
     component.core = free = FreeCore(component.core)
-    latency = component.latency
+    latency, interval = component.latency, component.initiation_interval
     bench = Bench(component)
     m, i, o = bench.m, component.i, component.o
     m.d.comb += free.free.eq(bench.any("result", len(free.free)))
-    enters, leaves = i.valid & i.ready, o.valid & o.ready
     held(bench, "o", o.valid, o.ready, o.payload)
-    # What comes out for a tag is that tag: the data beside it is the core's, `latency` enabled cycles after its operands.
-    tracker = Tracker(
-        bench,
-        most=latency,
-        enters=enters,
-        incoming=i.payload.tag,
-        leaves=leaves,
-        offers=o.valid,
-        outgoing=o.payload.tag,
-    )
-    bench.require("ready_without_valid", i.ready == (o.ready | ~o.valid))
+    advance = o.ready | ~o.valid
+    if interval == 1:
+        bench.require("ready_without_valid", i.ready == advance)
+        takes = advance
+    else:
+        phase = free.phase
+        bench.require("ready_without_valid", i.ready == (advance & phase))
+        bench.require("ready_again", ~bench.past(advance & ~phase, "between") | phase)
+        takes = advance & phase
 
-    # Where the followed transfer is: stages from the input. It moves whenever the pipeline does.
+    # What is offered is what went in `latency` moves ago, if something did: one out for one in, in the order of entry.
+    history = Signal(latency)
+    with m.If(advance):
+        m.d.sync += history.eq(Cat(i.valid & takes, history))
+    bench.require("out_as_in", o.valid == history[-1])
+
+    # One transfer, any one, with its tag: how many moves ago it went in.
+    picks, follows = Signal(), Signal()
     place = Signal(range(latency + 1), name="place")
+    tag = Signal(component.tag_width, name="tag", reset_less=True)
     released = Signal(range(latency + 1), name="released")  # cycles since then in which the output was free
-    with m.If(i.ready):
-        m.d.sync += place.eq(Mux(tracker.picks, 0, place + 1))
-    with m.If(tracker.picks):
-        m.d.sync += released.eq(0)
-    with m.Elif(o.ready & (released != latency)):
-        m.d.sync += released.eq(released + 1)
-    bench.require("drains", ~tracker.follows | (released < latency))
+    m.d.comb += picks.eq(bench.any("pick") & i.valid & i.ready & ~follows)
+    with m.If(picks):
+        m.d.sync += [follows.eq(1), place.eq(0), released.eq(0), tag.eq(i.payload.tag)]
+    with m.Elif(follows):
+        m.d.sync += released.eq(released + o.ready)
+        with m.If(advance):
+            m.d.sync += [place.eq(place + 1), follows.eq(place != latency - 1)]
+    leaves = follows & (place == latency - 1)
+    bench.require("its_turn", ~leaves | (o.valid & (o.payload.tag == tag)))
+    bench.require("drains", ~follows | (released < latency))
+    bench.reach("followed_one_leaves", leaves & o.ready)
 
-    # The induction's invariant: how many are inside, and where the followed one stands among them.
+    # The induction's invariant: the stages are the history, and the followed one is where it should be.
     valids = [bench.inner(f"valid{stage}") for stage in range(latency)]
-    tags = [bench.inner(f"tag{stage}") for stage in range(latency)]
-    beyond = [Mux(stage > place, valid, 0) for stage, valid in enumerate(valids)]
-    bench.require("count_is_stages", tracker.count == reduce(add, valids, Const(0)))
-    bench.require("place_in_range", ~tracker.follows | (place < latency))
-    bench.require("stage_is_valid", ~tracker.follows | Array(valids)[place])
-    bench.require("stage_has_tag", ~tracker.follows | (Array(tags)[place] == tracker.payload))
-    bench.require("order", ~tracker.follows | (tracker.ahead == reduce(add, beyond, Const(0))))
-    bench.require("moved", ~tracker.follows | (released <= place))
+    tags = [bench.inner(f"tag{stage}") for stage in range(-(-latency // interval))]
+    bench.require("stages_are_history", Cat(valids) == history)
+    bench.require("place_in_range", ~follows | (place < latency))
+    bench.require("stage_is_valid", ~follows | history.bit_select(place, 1))
+    bench.require("stage_has_tag", ~follows | (Array(tags)[place // interval] == tag))
+    bench.require("moved", ~follows | (released <= place))
+    if interval == 2:  # operations are in every other stage
+        bench.require("follows_phase", ~follows | (place[0] == phase))
+        for stage, valid in enumerate(valids):
+            bench.require(f"phase{stage}", ~valid | (phase == stage % 2))
     return bench
 
 
@@ -89,7 +100,7 @@ def properties() -> list[Property]:
             name=f"stream-{preset}",
             says="payload holds; no tag lost, made up, doubled or overtaken; empty after reset; drains",
             method=Induction(depth=1),
-            build=lambda unit=unit, config=config: handshake(unit, config),
+            build=partial(handshake, unit, config),
             quick=(unit, preset) in {("float_add", "full"), ("node_test", "base")},
         )
         for unit in UNITS

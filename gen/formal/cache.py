@@ -1,0 +1,175 @@
+"""The block cache and its lists of waiting requests: bounded proofs of small ones, whatever the memory does."""
+
+from functools import partial
+
+from amaranth import Array, Cat, Mux, Signal
+
+from gen.formal.bench import Bench
+from gen.formal.properties import Bounded, Property
+from gen.formal.streams import held
+from rtl.axi import INCR
+from rtl.block_cache import BlockCache
+from rtl.waiters import Waiters
+
+TAGS = 4
+"""Requests under way have different tags, 0 to 3, so that an answer says which request it is for."""
+BLOCK_BITS = 3
+"""Requests are for blocks 0 to 7; a block's data is its number."""
+
+
+def waiters(misses: int, requests: int) -> Bench:
+    component = Waiters(misses=misses, requests=requests, tag_width=2, line_width=2)
+    bench = Bench(component)
+    m, o = bench.m, component.o
+    takes = o.valid & o.ready
+    waits = [Signal(name=f"waits{tag}") for tag in range(TAGS)]
+    whose = [Signal(range(misses), name=f"whose{tag}") for tag in range(TAGS)]
+    listed = [Signal(name=f"listed{k}") for k in range(misses)]  # has a list that may grow
+    filled = [Signal(name=f"filled{k}") for k in range(misses)]  # its block has come, its number is not free yet
+    line = [Signal(2, name=f"line{k}") for k in range(misses)]
+    error = [Signal(name=f"error{k}") for k in range(misses)]
+    answered = [Signal(name=f"answered{tag}") for tag in range(TAGS)]
+    its_line = [Signal(2, name=f"its_line{tag}") for tag in range(TAGS)]
+    its_error = [Signal(name=f"its_error{tag}") for tag in range(TAGS)]
+
+    # What the cache does: it adds where there is room, to a list that is not closed, and closes each list once.
+    bench.assume(component.miss < misses)
+    bench.assume(component.filled_miss < misses)
+    bench.assume(~component.add | (component.ready & ~Array(waits)[component.tag]))
+    bench.assume(~component.add | (component.first == ~Array(listed)[component.miss]))
+    bench.assume(~component.add | ~Array(filled)[component.miss])
+    bench.assume(~component.filled | (Array(listed)[component.filled_miss] & ~Array(filled)[component.filled_miss]))
+    for k in range(misses):
+        freed = component.free & (component.free_miss == k)
+        m.d.sync += [
+            listed[k].eq((listed[k] | (component.add & (component.miss == k))) & ~freed),
+            filled[k].eq((filled[k] | (component.filled & (component.filled_miss == k))) & ~freed),
+        ]
+        bench.require(f"freed{k}_once_filled", ~freed | filled[k])
+        with m.If(component.filled & (component.filled_miss == k)):
+            m.d.sync += [line[k].eq(component.filled_line), error[k].eq(component.filled_error)]
+    for tag in range(TAGS):
+        mine = component.filled & (component.filled_miss == whose[tag])
+        with m.If(waits[tag] & ~answered[tag] & mine):
+            m.d.sync += [
+                answered[tag].eq(1),
+                its_line[tag].eq(component.filled_line),
+                its_error[tag].eq(component.filled_error),
+            ]
+        with m.If(takes & (o.payload.tag == tag)):
+            m.d.sync += [waits[tag].eq(0), answered[tag].eq(0)]
+        with m.If(component.add & (component.tag == tag)):
+            m.d.sync += [
+                waits[tag].eq(1),
+                whose[tag].eq(component.miss),
+                answered[tag].eq(component.filled & (component.filled_miss == component.miss)),
+                its_line[tag].eq(component.filled_line),
+                its_error[tag].eq(component.filled_error),
+            ]
+    tag = o.payload.tag
+    held(bench, "o", o.valid, o.ready, o.payload)
+    bench.require("only_who_waits", ~o.valid | Array(waits)[tag])
+    bench.require("only_when_filled", ~o.valid | Array(answered)[tag])
+    bench.require("its_line", ~o.valid | (o.payload.line == Array(its_line)[tag]))
+    bench.require("its_error", ~o.valid | (o.payload.error == Array(its_error)[tag]))
+    others = [waits[k] & answered[k] & (tag != k) & (its_line[k] == o.payload.line) for k in range(TAGS)]
+    # Lines of lists that are being answered are different: they are locked.
+    for k in range(TAGS):
+        bench.assume(~(component.filled & waits[k] & answered[k]) | (its_line[k] != component.filled_line))
+    bench.require("last_is_last", ~(o.valid & o.payload.last) | ~Cat(others).any())
+    bench.reach("list_of_two", takes & o.payload.last & bench.past(takes & ~o.payload.last, "not_last"))
+
+    # Released, everything whose block has come is answered: at most two cycles a list and one a request.
+    idle = Signal(range(32))
+    m.d.sync += idle.eq(Mux(component.add | component.filled | ~o.ready, 0, idle + (idle != 31)))
+    waiting = Cat(a & w for a, w in zip(answered, waits, strict=True)).any()
+    bench.require("drains", ~waiting | (idle <= 2 * misses + requests + 3))
+    return bench
+
+
+def cache(*, sets: int, ways: int, misses: int, requests: int) -> Bench:
+    """The memory answers reads in any order, at any time, with or without an error; the data is the block's number."""
+    component = BlockCache(
+        sets=sets, ways=ways, misses=misses, requests=requests, tag_width=2, address_width=32, data_width=512
+    )
+    bench = Bench(component, driven={"m_axi__rdata", "m_axi__rlast", "base", "invalidate"})
+    m, i, o, axi = bench.m, component.i, component.o, component.m_axi
+    tag, number = i.payload.tag, o.payload.tag
+    enters, leaves = i.valid & i.ready, o.valid & o.ready
+    asked = axi.arvalid & axi.arready
+    ids = range(1 << len(axi.arid))
+    reading = [Signal(name=f"reading{k}") for k in ids]
+    block_of = [Signal(BLOCK_BITS, name=f"block_of{k}") for k in ids]
+    waits = [Signal(name=f"waits{k}") for k in range(TAGS)]
+    wants = [Signal(BLOCK_BITS, name=f"wants{k}") for k in range(TAGS)]
+    comes = axi.rvalid & axi.rready
+    m.d.comb += [axi.rdata.eq(Array(block_of)[axi.rid]), axi.rlast.eq(1), component.base.eq(0)]
+    for k in ids:
+        with m.If(comes & (axi.rid == k)):
+            m.d.sync += reading[k].eq(0)
+        with m.If(asked & (axi.arid == k)):
+            m.d.sync += [reading[k].eq(1), block_of[k].eq(axi.araddr >> 6)]
+    for k in range(TAGS):
+        with m.If(leaves & (number == k)):
+            m.d.sync += waits[k].eq(0)
+        with m.If(enters & (tag == k)):
+            m.d.sync += [waits[k].eq(1), wants[k].eq(i.payload.block)]
+    bench.assume(i.payload.block < 1 << BLOCK_BITS)
+    bench.assume(~i.valid | ~Array(waits)[tag])
+    bench.assume(~axi.rvalid | Array(reading)[axi.rid])
+
+    # AXI, on the side of the memory.
+    address = Cat(axi.araddr, axi.arid, axi.arlen, axi.arsize, axi.arburst)
+    held(bench, "ar", axi.arvalid, axi.arready, address)
+    bench.require("whole_block", ~axi.arvalid | ((axi.araddr[:6] == 0) & (axi.arlen == 0) & (axi.arburst == INCR)))
+    bench.require("id_is_free", ~axi.arvalid | ~Array(reading)[axi.arid])
+    bench.require("id_in_range", ~axi.arvalid | (axi.arid < misses))
+    already = [reading[k] & (block_of[k] == axi.araddr[6:]) for k in ids]
+    bench.require("block_read_once_at_a_time", ~axi.arvalid | ~Cat(already).any())
+
+    # Requests and answers.
+    held(bench, "o", o.valid, o.ready, o.payload)
+    bench.require("only_who_waits", ~o.valid | Array(waits)[number])
+    right = o.payload.data == Array(wants)[number]
+    bench.require("its_block", ~o.valid | o.payload.error | right)
+    failed = Signal()  # some read has failed
+    m.d.sync += failed.eq(failed | (comes & axi.rresp[1]))
+    bench.require("no_error_of_its_own", ~(o.valid & o.payload.error) | failed)
+    events = component.hit + component.miss + component.merged
+    bench.require("one_event_a_cycle", events <= 1)
+    bench.reach("evicted", component.evicted)
+    bench.reach("merged", component.merged)
+    bench.reach("hit", component.hit)
+    bench.reach("all_misses", Cat(reading) == (1 << misses) - 1)
+    return bench
+
+
+def properties() -> list[Property]:
+    return [
+        *(
+            Property(
+                unit="waiters",
+                name=f"lists-{misses}x{requests}",
+                says="each request once, with its line, after its block; `last` is; numbers free again; drains",
+                method=Bounded(depth=depth),
+                build=partial(waiters, misses, requests),
+                reach=12,
+                quick=False,
+            )
+            for misses, requests, depth in ((1, 2, 12), (2, 3, 10))
+        ),
+        *(
+            Property(
+                unit="block_cache",
+                name=f"answers-{name}",
+                says="each request once, with its block; AXI rules; no block read twice at a time; ids free when used",
+                method=Bounded(depth=depth),
+                build=partial(cache, **sizes),
+                reach=reach,
+            )
+            for name, sizes, depth, reach in (
+                ("direct", {"sets": 2, "ways": 1, "misses": 2, "requests": 3}, 12, 0),
+                ("associative", {"sets": 2, "ways": 2, "misses": 2, "requests": 4}, 10, 0),
+            )
+        ),
+    ]

@@ -1,0 +1,247 @@
+"""Seeded faults: the RTL with one thing wrong at a time, and the proofs and tests that have to notice.
+
+A proof that nothing can fail proves nothing. Each fault is put into a copy of the packages, in which the checks that
+are to catch it then run; the checks run once on the copy without a fault, too, and have to pass there.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from golden_model.errors import InputError
+
+ROOT = Path(__file__).parent.parent.parent
+PACKAGES = ("gen", "golden_model", "lightloom", "rtl", "sim", "tests", "verif")
+PROVE = "import sys; from lightloom.cli import run; sys.exit(run(sys.argv[1:]))"
+LIMIT = 600
+"""Seconds for one check: a fault may make a test hang, which counts as noticed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mutation:
+    """One fault."""
+
+    name: str
+    file: str
+    old: str
+    """Text that is in the file exactly once."""
+    new: str
+    what: str
+    """What is wrong then, in a few words."""
+    checks: tuple[str, ...]
+    """What has to catch it: properties as UNIT/NAME, tests as tests/FILE.py::NAME."""
+
+
+def run(
+    chosen: Sequence[Mutation], jobs: int, done: Callable[[dict[str, Any]], None] = lambda row: None
+) -> list[dict[str, Any]]:
+    """Rows of a table: each fault with the checks that caught it, "" for none, in the order given.
+
+    Raises InputError where a fault's text is not in its file exactly once, where the tests are not there, and where a
+    check fails without any fault.
+    """
+    if not (ROOT / "tests").is_dir():
+        raise InputError(f"{ROOT}: no tests here; run it in the project's folder")
+    for one in chosen:
+        found = (ROOT / one.file).read_text(encoding="utf-8").count(one.old)
+        if found != 1:
+            raise InputError(f"fault {one.name}: its text is {found} times in {one.file}; bring the list up to date")
+    rows: dict[int, dict[str, Any]] = {}
+    with ThreadPoolExecutor(jobs) as pool:
+        checks = list(dict.fromkeys(check for one in chosen for check in one.checks))
+        sound = {pool.submit(_fails, None, check): check for check in checks}
+        for future in as_completed(sound):
+            if future.result():
+                pool.shutdown(cancel_futures=True)
+                raise InputError(f"{sound[future]}: fails without any fault; mend that first")
+        faults = {pool.submit(_row, one): k for k, one in enumerate(chosen)}
+        for fault in as_completed(faults):
+            rows[faults[fault]] = fault.result()
+            done(rows[faults[fault]])
+    return [rows[k] for k in range(len(chosen))]
+
+
+def _row(one: Mutation) -> dict[str, Any]:
+    started = time.perf_counter()
+    caught = [check for check in one.checks if _fails(one, check)]
+    return {
+        "fault": one.name,
+        "file": one.file,
+        "what is wrong": one.what,
+        "checks": ", ".join(one.checks),
+        "caught by": ", ".join(caught),
+        "seconds": round(time.perf_counter() - started, 1),
+    }
+
+
+def _fails(one: Mutation | None, check: str) -> bool:
+    """Whether a check finds something wrong in a copy of the packages with a fault (with none: as they are)."""
+    with _copy(one) as folder:
+        if check.startswith("tests/"):
+            arguments = ["-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", check]
+        else:
+            arguments = ["-c", PROVE, "prove", check, "--jobs", "1"]
+        environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+        try:
+            ran = subprocess.run(
+                [sys.executable, *arguments],
+                cwd=folder,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                text=True,
+                timeout=LIMIT,
+            )
+        except subprocess.TimeoutExpired:
+            return True
+        # 1: a test or a property has failed. Anything else says nothing about the RTL.
+        if ran.returncode not in (0, 1):
+            last = (ran.stdout.strip().splitlines() or ["no message"])[-1]
+            raise RuntimeError(f"{check} with {one.name if one else 'no fault'}: code {ran.returncode}: {last}")
+        return ran.returncode == 1
+
+
+@contextmanager
+def _copy(one: Mutation | None) -> Iterator[Path]:
+    """The packages and tests in a folder of their own, with the fault."""
+    with tempfile.TemporaryDirectory(prefix="lightloom-fault-") as scratch:
+        folder = Path(scratch)
+        for package in PACKAGES:
+            shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copy(ROOT / "pyproject.toml", folder)
+        if one is not None:
+            path = folder / one.file
+            path.write_text(path.read_text(encoding="utf-8").replace(one.old, one.new), encoding="utf-8")
+        yield folder
+
+
+# --- the list ---------------------------------------------------------------------------------------------------------
+
+PIPELINE, QUEUES, FILL = "rtl/pipeline.py", "rtl/queues.py", "rtl/block_fill.py"
+STREAM = ("float_add/stream-tiny",)
+_MUTATIONS = (
+    Mutation(
+        name="stall-ignored",
+        file=PIPELINE,
+        old="advance.eq(~valid | self.o.ready if self.latency else self.o.ready)",
+        new="advance.eq(self.o.ready | 1)",
+        what="results do not wait",
+        checks=STREAM,
+    ),
+    Mutation(
+        name="bubbles-kept",
+        file=PIPELINE,
+        old="advance.eq(~valid | self.o.ready if self.latency else self.o.ready)",
+        new="advance.eq(self.o.ready)",
+        what="ready depends on the output alone",
+        checks=STREAM,
+    ),
+    Mutation(
+        name="valid-moves-alone",
+        file=PIPELINE,
+        old='            held = Signal(name=f"valid{stage}")\n            with m.If(advance):',
+        new='            held = Signal(name=f"valid{stage}")\n            with m.If(advance | (stage == 0)):',
+        what="the first stage takes while the pipeline stands",
+        checks=STREAM,
+    ),
+    Mutation(
+        name="valid-not-reset",
+        file=PIPELINE,
+        old='            held = Signal(name=f"valid{stage}")\n',
+        new='            held = Signal(name=f"valid{stage}", reset_less=True)\n',
+        what="something may come out after reset",
+        checks=STREAM,
+    ),
+    Mutation(
+        name="ready-always",
+        file=PIPELINE,
+        old="self.i.ready.eq(taking)",
+        new="self.i.ready.eq(1)",
+        what="an operation is lost in a stall",
+        checks=STREAM,
+    ),
+    Mutation(
+        name="phase-stuck",
+        file=PIPELINE,
+        old="m.d.sync += phase.eq(~phase)",
+        new="m.d.sync += phase.eq(1)",
+        what="a core of interval 2 gets operations in every cycle",
+        checks=("ray_triangle_half/stream-tiny",),
+    ),
+    Mutation(
+        name="buffer-overwrites",
+        file=QUEUES,
+        old="keeps.eq(~moves & ~held)",
+        new="keeps.eq(~moves)",
+        what="the second register is overwritten while it waits",
+        checks=("buffer/stream",),
+    ),
+    Mutation(
+        name="buffer-forgets",
+        file=QUEUES,
+        old="self.o.valid.eq(held | self.i.valid), held.eq(0)",
+        new="self.o.valid.eq(self.i.valid), held.eq(0)",
+        what="what waits in the second register is lost",
+        checks=("buffer/stream",),
+    ),
+    Mutation(
+        name="buffer-doubles",
+        file=QUEUES,
+        old="self.o.valid.eq(held | self.i.valid), held.eq(0)",
+        new="self.o.valid.eq(held | self.i.valid)",
+        what="the second register is given twice",
+        checks=("buffer/stream",),
+    ),
+    Mutation(
+        name="queue-too-short",
+        file=QUEUES,
+        old="depth=max(self.depth + 1, 3)",
+        new="depth=max(self.depth, 3)",
+        what="a place too few",
+        checks=("queue/depth8",),
+    ),
+    Mutation(
+        name="free-number-repeats",
+        file=QUEUES,
+        old="any_fresh.eq(fresh != self.count)",
+        new="any_fresh.eq(fresh <= self.count)",
+        what="numbers beyond the last are given away",
+        checks=("free_list/count3",),
+    ),
+    Mutation(
+        name="free-number-stays",
+        file=QUEUES,
+        old="            with m.If(self.o.ready):\n                m.d.sync += fresh.eq(fresh + 1)",
+        new="            with m.If(self.o.ready & ~self.i.valid):\n                m.d.sync += fresh.eq(fresh + 1)",
+        what="a number is given twice when another comes back",
+        checks=("free_list/count3",),
+    ),
+    Mutation(
+        name="beats-not-cleared",
+        file=FILL,
+        old="Mux(after & ~last, chosen, 0)",
+        new="Mux(after, chosen, 0)",
+        what="a miss does not begin at the first part again",
+        checks=("block_fill/beats-128",),
+    ),
+    Mutation(
+        name="error-forgotten",
+        file=FILL,
+        old="beat_failed | failed.bit_select(self.miss, 1)",
+        new="beat_failed",
+        what="an error before the last beat is not told",
+        checks=("block_fill/beats-128",),
+    ),
+)
+MUTATIONS = {one.name: one for one in _MUTATIONS}
+"""By name."""

@@ -1,0 +1,135 @@
+"""The number units in small formats: every input, against exact arithmetic."""
+
+from collections.abc import Callable
+from functools import lru_cache, partial
+
+import numpy as np
+
+from gen.formal.all_inputs import Gates
+from gen.formal.properties import Exhaustive, Property
+from gen.formal.small_floats import SmallFormat
+from rtl.operators.fields import FloatFormat
+from rtl.operators.float_add import FloatAdd
+from rtl.operators.float_compare import FloatCompare
+from rtl.operators.float_difference_of_products import FloatDifferenceOfProducts
+from rtl.operators.float_divide import FloatDivide
+from rtl.operators.float_minmax import FloatMinmax
+from rtl.operators.float_multiply import FloatMultiply
+from rtl.operators.float_sqrt import FloatSqrt
+from rtl.operators.half_to_float import HalfToFloat
+from rtl.pipeline import Core
+
+Operands = dict[str, np.ndarray]
+
+
+def tables(operator: str, number: SmallFormat) -> Callable[[Operands], Operands]:
+    """What exact arithmetic says of arrays of operands: looked up, because there are few different ones."""
+    every = range(1 << number.bits)
+    if operator == "float_sqrt":
+        roots = np.array([number.sqrt(a) for a in every], np.uint64)
+        return lambda i: {"z": roots[i["a"]]}
+    if operator == "float_compare":
+        orders = np.array([[number.compare(a, b) for b in every] for a in every], np.uint64)
+        names = ("less", "equal", "greater", "unordered")
+        return lambda i: {name: orders[i["a"], i["b"], k] for k, name in enumerate(names)}
+    if operator == "float_difference_of_products":
+        return partial(_difference, number, *_products(number))
+    if operator in ("float_multiply", "float_divide"):
+        pair = number.multiply if operator == "float_multiply" else number.divide
+        results = np.array([[pair(a, b) for b in every] for a in every], np.uint64)
+        return lambda i: {"z": results[i["a"], i["b"]]}
+    third, function = {"float_add": ("subtract", number.add), "float_minmax": ("maximum", number.minmax)}[operator]
+    choices = np.array([[[function(a, b, c) for b in every] for a in every] for c in (0, 1)], np.uint64)
+    return lambda i: {"z": choices[i[third], i["a"], i["b"]]}
+
+
+def _products(number: SmallFormat) -> tuple[np.ndarray, list[tuple[int, int]]]:
+    """Of every pair of operands which product it has, as a number; of each of those a pair that has it."""
+    kinds: dict[object, int] = {}
+    pairs: list[tuple[int, int]] = []
+    which = np.empty((1 << number.bits,) * 2, np.int64)
+    for a in range(1 << number.bits):
+        for b in range(1 << number.bits):
+            product = number.product(a, b)
+            if product not in kinds:
+                kinds[product] = len(pairs)
+                pairs.append((a, b))
+            which[a, b] = kinds[product]
+    return which, pairs
+
+
+def _difference(number: SmallFormat, which: np.ndarray, pairs: list[tuple[int, int]], i: Operands) -> Operands:
+    keys = which[i["a"], i["b"]] * len(pairs) + which[i["c"], i["d"]]
+    wanted, where = np.unique(keys, return_inverse=True)
+    results = [_of_pairs(number, *pairs[key // len(pairs)], *pairs[key % len(pairs)]) for key in wanted.tolist()]
+    return {"z": np.array(results, np.uint64)[where]}
+
+
+@lru_cache(maxsize=1 << 20)
+def _of_pairs(number: SmallFormat, a: int, b: int, c: int, d: int) -> int:
+    return number.difference_of_products(a, b, c, d)
+
+
+def every_input(make: Callable[[int, FloatFormat], Core], number: SmallFormat) -> str:
+    """Tries all operands; returns the first that give a wrong result, or nothing."""
+    core = make(0, FloatFormat(number.exponent, number.fraction))
+    expected = tables(core.unit.name, number)
+    for operands, results in Gates(core).run():
+        wanted = expected({name: values.astype(np.int64) for name, values in operands.items()})
+        for name, values in wanted.items():
+            wrong = np.flatnonzero(values != results[name])
+            if len(wrong):
+                at = wrong[0]
+                given = ", ".join(f"{key} = {int(value[at]):#x}" for key, value in operands.items())
+                return f"{given}: {name} is {int(results[name][at]):#x}, should be {int(values[at]):#x}"
+    return ""
+
+
+def halves() -> str:
+    """Every binary16 number."""
+    for operands, results in Gates(HalfToFloat(0)).run():
+        values = operands["a"].astype(np.uint16).view(np.float16).astype(np.float32)
+        expected = np.where(np.isnan(values), np.uint32(0x7FC00000), values.view(np.uint32))
+        wrong = np.flatnonzero(expected != results["z"])
+        if len(wrong):
+            return f"a = {wrong[0]:#x}: z is {int(results['z'][wrong[0]]):#x}, should be {int(expected[wrong[0]]):#x}"
+    return ""
+
+
+EIGHT, SEVEN, SIX, FIVE = SmallFormat(4, 3), SmallFormat(3, 3), SmallFormat(3, 2), SmallFormat(2, 2)
+
+# Operator, core, bits of all operands of a format, formats: the first of them is in the quick set.
+SUBJECTS: tuple[tuple[str, Callable[[int, FloatFormat], Core], Callable[[int], int], tuple[SmallFormat, ...]], ...] = (
+    ("float_add", FloatAdd, lambda bits: 2 * bits + 1, (SIX, EIGHT)),
+    ("float_multiply", FloatMultiply, lambda bits: 2 * bits, (SIX, EIGHT)),
+    ("float_divide", FloatDivide, lambda bits: 2 * bits, (SIX, EIGHT)),
+    ("float_sqrt", FloatSqrt, lambda bits: bits, (EIGHT, SmallFormat(5, 7))),
+    ("float_compare", FloatCompare, lambda bits: 2 * bits, (SIX, EIGHT)),
+    ("float_minmax", FloatMinmax, lambda bits: 2 * bits + 1, (SIX, SEVEN)),
+    ("float_difference_of_products", FloatDifferenceOfProducts, lambda bits: 4 * bits, (FIVE, SIX)),
+)
+
+
+def properties() -> list[Property]:
+    return [
+        *(
+            Property(
+                unit=unit,
+                name=f"every-{number.bits}-bit-input",
+                says=f"all operands of {number.exponent} exponent and {number.fraction} fraction bits, exactly rounded",
+                method=Exhaustive(inputs=1 << inputs(number.bits)),
+                check=partial(every_input, make, number),
+                quick=number is numbers[0],
+            )
+            for unit, make, inputs, numbers in SUBJECTS
+            for number in numbers
+        ),
+        Property(
+            unit="half_to_float",
+            name="every-input",
+            says="all binary16 numbers, exactly",
+            method=Exhaustive(inputs=1 << 16),
+            check=halves,
+            quick=True,
+        ),
+    ]
