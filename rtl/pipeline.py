@@ -5,7 +5,7 @@ A `Core` is a datapath whose registers all advance together when `en` is high. C
 carries a tag with each operation.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from amaranth import Module, Signal, Value
@@ -14,6 +14,7 @@ from amaranth.lib.wiring import In, Out
 
 from golden_model.units import UNITS
 from rtl.layouts import layout_of, packet_of
+from rtl.operators.fields import FLOAT32, FloatFormat
 
 Step = Callable[..., Mapping[str, Any]]
 
@@ -23,50 +24,79 @@ class Core(wiring.Component):
 
     Ports: `en` (all registers advance), `i` (operands), `o` (results, `latency` enabled cycles later). Data has no
     reset: validity is kept by whoever uses the core. With an `initiation_interval` of 2 also `phase`, which changes
-    with every enabled cycle: operands are taken while it is high.
+    with every enabled cycle: operands are taken while it is high. Floating-point fields have the width of `format`.
     """
 
     initiation_interval = 1
 
-    def __init__(self, unit: str, latency: int):
+    def __init__(self, unit: str, latency: int, format: FloatFormat = FLOAT32):
         self.unit = UNITS[unit]
         self.latency = latency
-        ports = {"en": In(1), "i": In(layout_of(self.unit.input)), "o": Out(layout_of(self.unit.output))}
+        self.format = format
+        i, o = (layout_of(dtype, format.width) for dtype in (self.unit.input, self.unit.output))
+        ports = {"en": In(1), "i": In(i), "o": Out(o)}
         super().__init__(ports | ({"phase": In(1)} if self.initiation_interval == 2 else {}))
 
 
 class StepCore(Core):
     """A core whose function is a chain of combinational steps with `depth` register stages spread among them.
 
-    Subclasses set `unit_name` and return the chain from `steps()`. A step is called with the module and the values that
-    the step before returned, by name, and returns the values that the next one needs; the first gets the input's
-    fields, the last returns the output's. A register stage may stand after any step.
+    Subclasses set `unit_name` and return the chain from `steps()`, each step with its delay in levels of gates, as
+    measured for float32. A step is called with the module, the number format and the values that the step before
+    returned, by name, and returns the values that the next one needs; the first gets the input's fields, the last
+    returns the output's. A register stage may stand after any step; they stand where the longest delay between two of
+    them is least.
     """
 
     unit_name: str
 
-    def __init__(self, depth: int):
-        count = len(self.steps())
+    def __init__(self, depth: int, format: FloatFormat = FLOAT32):
+        count = len(self.steps(format))
         if not 0 <= depth <= count:
             raise ValueError(f"{self.unit_name}: depth must be 0 to {count}, not {depth}")
-        super().__init__(self.unit_name, latency=depth)
+        super().__init__(self.unit_name, depth, format)
 
     @classmethod
-    def steps(cls) -> list[Step]:
+    def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
         raise NotImplementedError
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        steps = self.steps()
-        cuts = stage_cuts(len(steps), self.latency)
+        steps = self.steps(self.format)
+        cuts = balanced_cuts([delay for _, delay in steps], self.latency)
         values: Mapping[str, Any] = {name: getattr(self.i, name) for name in self.unit.input.names or ()}
-        for index, step in enumerate(steps):
-            values = step(m, **values)
+        for index, (step, _) in enumerate(steps):
+            values = step(m, self.format, **values)
             if index in cuts:
                 values = {name: register(m, self.en, value, f"s{index}_{name}") for name, value in values.items()}
         for name in self.unit.output.names or ():
             m.d.comb += getattr(self.o, name).eq(values[name])
         return m
+
+
+def balanced_cuts(delays: Sequence[int], depth: int) -> set[int]:
+    """The steps after which a register stage stands: `depth` of them, the last step's among them.
+
+    The longest delay between two of them is least, counting what precedes the first.
+    """
+    limit = max(delays)
+    while len(cuts := _cuts_within(delays, limit)) > max(depth, 1):
+        limit += 1
+    spare = (index for index in range(len(delays)) if index not in cuts)  # where fewer stages do as well
+    while len(cuts) < depth:
+        cuts.add(next(spare))
+    return cuts if depth else set()
+
+
+def _cuts_within(delays: Sequence[int], limit: int) -> set[int]:
+    """As few cuts as leave no more than `limit` between two of them; each as late as it can be."""
+    cuts, delay = {len(delays) - 1}, 0
+    for index, step in enumerate(delays):
+        if delay + step > limit:
+            cuts.add(index - 1)
+            delay = 0
+        delay += step
+    return cuts
 
 
 def stage_cuts(steps: int, depth: int) -> set[int]:
@@ -95,8 +125,8 @@ class StreamUnit(wiring.Component):
         self.tag_width = tag_width
         super().__init__(
             {
-                "i": In(stream.Signature(packet_of(core.unit.input, tag_width))),
-                "o": Out(stream.Signature(packet_of(core.unit.output, tag_width))),
+                "i": In(stream.Signature(packet_of(core.unit.input, tag_width, core.format.width))),
+                "o": Out(stream.Signature(packet_of(core.unit.output, tag_width, core.format.width))),
             }
         )
 

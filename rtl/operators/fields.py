@@ -1,80 +1,160 @@
-"""Taking float32 numbers apart and putting them together again, under the numeric contract."""
+"""Taking floating-point numbers apart and putting them together again, under the numeric contract."""
 
+from dataclasses import dataclass
 from typing import Any
 
-from amaranth import Cat, Const, Module, Mux, Signal, Value, unsigned
+from amaranth import Cat, Const, Module, Mux, Signal, Value, signed, unsigned
 from amaranth.lib import data
 
-CANONICAL_NAN = 0x7FC00000
-INFINITY = 0xFF  # biased exponent of infinities and NaNs
-INFINITE_BITS = INFINITY << 23  # an infinity without its sign
 
-# A float32 operand, classified. `zero` includes subnormals; `significand` has the hidden one (0 for a zero).
-Operand = data.StructLayout(
-    {"sign": 1, "exponent": unsigned(8), "significand": unsigned(24), "zero": 1, "infinite": 1, "nan": 1}
-)
+@dataclass(frozen=True)
+class FloatFormat:
+    """A binary format built like float32: sign, biased exponent, fraction from the top down.
+
+    Units use float32; narrower formats exist because every input of them can be tried.
+    """
+
+    exponent_bits: int = 8
+    fraction_bits: int = 23
+
+    @property
+    def width(self) -> int:
+        return 1 + self.exponent_bits + self.fraction_bits
+
+    @property
+    def precision(self) -> int:
+        """Bits of a significand, the hidden one included."""
+        return self.fraction_bits + 1
+
+    @property
+    def bias(self) -> int:
+        return (1 << self.exponent_bits - 1) - 1
+
+    @property
+    def infinity(self) -> int:
+        """The biased exponent of infinities and NaNs."""
+        return (1 << self.exponent_bits) - 1
+
+    @property
+    def infinite_bits(self) -> int:
+        """An infinity without its sign."""
+        return self.infinity << self.fraction_bits
+
+    @property
+    def nan_bits(self) -> int:
+        """The canonical NaN."""
+        return self.infinite_bits | 1 << self.fraction_bits - 1
+
+    @property
+    def exponent(self) -> Any:
+        """The shape of an exponent inside a unit: signed, with room for sums of two and for counts of zeros."""
+        return signed(max(self.exponent_bits, (2 * self.precision + 4).bit_length()) + 2)
 
 
-def unpack(m: Module, bits: Any, name: str) -> data.View:
-    """Raw float32 bits to an Operand."""
+FLOAT32 = FloatFormat()
+CANONICAL_NAN = FLOAT32.nan_bits
+INFINITY = FLOAT32.infinity
+
+
+def operand_layout(f: FloatFormat) -> data.StructLayout:
+    """An operand, classified. `zero` includes subnormals, whose `significand` is as unspecified as a zero's."""
+    flags = dict.fromkeys(("zero", "infinite", "nan"), 1)
+    return data.StructLayout(
+        {"sign": 1, "exponent": unsigned(f.exponent_bits), "significand": unsigned(f.precision), **flags}
+    )
+
+
+def unpack(m: Module, f: FloatFormat, bits: Any, name: str) -> data.View:
+    """Raw bits to a classified operand; `significand` has its hidden one always, also where the number is zero."""
     raw = Value.cast(bits)
-    fraction, exponent, sign = raw[:23], raw[23:31], raw[31]
-    out = Signal(Operand, name=name)
+    fraction, exponent, sign = raw[: f.fraction_bits], raw[f.fraction_bits : -1], raw[-1]
+    out = Signal(operand_layout(f), name=name)
+    special, whole = exponent.all(), ~fraction.any()
     m.d.comb += [
         out.sign.eq(sign),
         out.exponent.eq(exponent),
-        out.zero.eq(exponent == 0),
-        out.significand.eq(Mux(exponent == 0, 0, Cat(fraction, Const(1, 1)))),
-        out.infinite.eq(raw[:31] == INFINITE_BITS),
-        out.nan.eq(raw[:31] > INFINITE_BITS),
+        out.zero.eq(~exponent.any()),
+        out.significand.eq(Cat(fraction, Const(1, 1))),
+        out.infinite.eq(special & whole),
+        out.nan.eq(special & ~whole),
     ]
     return out
 
 
 def rounded(
-    m: Module, *, sign: Value, exponent: Value, kept: Value, guard: Value, sticky: Value, name: str = "rounded"
+    m: Module,
+    f: FloatFormat,
+    *,
+    sign: Value,
+    exponent: Value,
+    kept: Value,
+    guard: Value,
+    sticky: Value,
+    nan: Value,
+    infinite: Value,
+    zero: Value,
 ) -> Signal:
-    """Rounds to nearest even and packs: 32 bits, with overflow to infinity and underflow to zero of the same sign.
+    """Rounds to nearest even and packs, with overflow to infinity and underflow to zero of the same sign.
 
-    `kept` is the 24-bit significand with its leading one, `exponent` its biased exponent (signed, any width), `guard`
-    the next bit and `sticky` the or of all below it.
+    `kept` is the significand with its leading one, `exponent` its biased exponent (signed, any width), `guard` the next
+    bit and `sticky` the or of all below it. `nan`, `infinite` and `zero` say that the result is one of these, whatever
+    the others hold; the first of them counts.
 
-    The flush comes after IEEE rounding: of the values below the least normal number, those from 0xFFFFFF * 2**-150 up
-    round to it (in IEEE's subnormal range that is a tie, resolved to even) and are kept.
+    The flush comes after IEEE rounding: of the values below the least normal number, those that IEEE rounds up to it
+    (in its subnormal range that is a tie, resolved to even) are kept.
     """
-    up = Signal(name=f"{name}_up")
-    total = Signal(25, name=f"{name}_total")
-    final = Signal(exponent.shape(), name=f"{name}_exponent")
-    out = Signal(32, name=name)
+    up = Signal(name="up")
+    carry = Signal(name="carry")
+    total = Signal(f.precision, name="rounded_significand")
+    over = Signal(name="over")
+    under = Signal(name="under")
+    least = exponent == 0
     m.d.comb += [
-        up.eq((guard & (sticky | kept[0])) | ((exponent == 0) & kept.all())),
+        up.eq(guard & (sticky | kept[0])),
         total.eq(kept + up),
-        final.eq(exponent + total[24]),
+        # Out of a significand of ones; it is known before the sum is.
+        carry.eq(kept.all() & (guard | least)),
+        over.eq((exponent >= f.infinity) | (carry & (exponent == f.infinity - 1))),
+        under.eq((exponent < 0) | (least & ~carry)),
     ]
-    with m.If(final <= 0):
-        m.d.comb += out.eq(Cat(Const(0, 31), sign))
-    with m.Elif(final >= INFINITY):
-        m.d.comb += out.eq(Cat(Const(0, 23), Const(INFINITY, 8), sign))
-    with m.Else():
-        # Where rounding carried out, the fraction is zero either way.
-        m.d.comb += out.eq(Cat(total[:23], final[:8], sign))
-    return out
+    final = Mux(carry, (exponent + 1)[: f.exponent_bits], exponent[: f.exponent_bits])
+    return packed(
+        m,
+        f,
+        sign=sign,
+        exponent=final,
+        # What carries out leaves a fraction of zeros.
+        fraction=total[: f.fraction_bits] & ~carry.replicate(f.fraction_bits),
+        nan=nan,
+        infinite=infinite | (over & ~zero),
+        zero=zero | under,
+    )
 
 
-def with_specials(
-    m: Module, *, finite: Value, sign: Value, nan: Value, infinite: Value, zero: Value | int, name: str = "z"
+def packed(
+    m: Module,
+    f: FloatFormat,
+    *,
+    sign: Value,
+    exponent: Value,
+    fraction: Value,
+    nan: Value,
+    infinite: Value,
+    zero: Value,
 ) -> Signal:
-    """The result of an operation: 32 bits, `finite` unless one of the special cases holds (`nan` before the others)."""
-    out = Signal(32, name=name)
-    with m.If(nan):
-        m.d.comb += out.eq(CANONICAL_NAN)
-    with m.Elif(infinite):
-        m.d.comb += out.eq(Cat(Const(0, 23), Const(INFINITY, 8), sign))
-    with m.Elif(zero):
-        m.d.comb += out.eq(Cat(Const(0, 31), sign))
-    with m.Else():
-        m.d.comb += out.eq(finite)
-    return out
+    """The result of an operation: sign, exponent and fraction, or the first of the special cases that holds."""
+    z = Signal(f.width, name="z")
+    special = nan | infinite
+    plain = ~(special | zero)
+    m.d.comb += z.eq(
+        Cat(
+            fraction[:-1] & plain.replicate(f.fraction_bits - 1),
+            (fraction[-1] & plain) | nan,
+            (exponent & plain.replicate(f.exponent_bits)) | special.replicate(f.exponent_bits),
+            sign & ~nan,
+        )
+    )
+    return z
 
 
 def add_with_carry(a: Value, b: Value, carry: Value) -> Value:

@@ -4,11 +4,12 @@ from typing import Any
 
 from amaranth import Cat, Module, Signal, Value
 
+from rtl.operators.fields import FloatFormat
 from rtl.operators.shifts import leading_zeros, shift_left
 from rtl.pipeline import Step, StepCore
 
 
-def magnitude(m: Module, *, a: Value, fraction: Value) -> dict[str, Any]:
+def magnitude(m: Module, f: FloatFormat, *, a: Value, fraction: Value) -> dict[str, Any]:
     raw = Value.cast(a)
     sign = raw[31]
     absolute = Signal(32)
@@ -16,18 +17,20 @@ def magnitude(m: Module, *, a: Value, fraction: Value) -> dict[str, Any]:
     return {"absolute": absolute, "sign": sign, "fraction": fraction}
 
 
-def count(m: Module, *, absolute: Value, **rest: Any) -> dict[str, Any]:
+def count(m: Module, f: FloatFormat, *, absolute: Value, **rest: Any) -> dict[str, Any]:
     return {"absolute": absolute, "zeros": leading_zeros(m, absolute, "zeros"), **rest}
 
 
-def normalise(m: Module, *, absolute: Value, zeros: Value, fraction: Value, sign: Value) -> dict[str, Any]:
+def normalise(
+    m: Module, f: FloatFormat, *, absolute: Value, zeros: Value, fraction: Value, sign: Value
+) -> dict[str, Any]:
     scaled = shift_left(m, absolute, zeros, "scaled")
     exponent = Signal(8)
     m.d.comb += exponent.eq(158 - zeros - fraction)  # 158: exponent 31 and the bias
     return {"scaled": scaled, "exponent": exponent, "sign": sign}
 
 
-def round_float(m: Module, *, scaled: Value, exponent: Value, sign: Value) -> dict[str, Any]:
+def round_float(m: Module, f: FloatFormat, *, scaled: Value, exponent: Value, sign: Value) -> dict[str, Any]:
     """The exponent stays between 96 and 159, so there is neither overflow nor underflow."""
     kept, guard, sticky = scaled[8:31], scaled[7], scaled[:7].any()
     packed = Signal(31)
@@ -44,5 +47,5 @@ class FixedToFloat(StepCore):
     unit_name = "fixed_to_float"
 
     @classmethod
-    def steps(cls) -> list[Step]:
-        return [magnitude, count, normalise, round_float]
+    def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
+        return [(magnitude, 12), (count, 10), (normalise, 10), (round_float, 12)]

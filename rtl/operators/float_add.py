@@ -2,30 +2,32 @@
 
 from typing import Any
 
-from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
+from amaranth import Cat, Const, Module, Mux, Signal, Value
 
-from rtl.operators.fields import add_with_carry, rounded, unpack, with_specials
+from rtl.operators.fields import FloatFormat, add_with_carry, rounded, unpack
 from rtl.operators.shifts import leading_zeros, shift_left, shift_right
 from rtl.pipeline import Step, StepCore
 
 
-def order(m: Module, *, a: Value, b: Value, subtract: Value) -> dict[str, Any]:
+def order(m: Module, f: FloatFormat, *, a: Value, b: Value, subtract: Value) -> dict[str, Any]:
     """The operand of greater magnitude goes first, so that the difference below is never negative."""
-    x, y = unpack(m, a, "x"), unpack(m, b, "y")
+    x, y = unpack(m, f, a, "x"), unpack(m, f, b, "y")
     sign_y = Signal()
     swap = Signal()
     differ = Signal()
     infinite = Signal()
-    ahead = Signal(9)
-    behind = Signal(9)
-    distance = Signal(8)
-    greater = Signal(24)
-    smaller = Signal(24)
+    ahead = Signal(f.exponent_bits)
+    behind = Signal(f.exponent_bits)
+    distance = Signal(f.exponent_bits)
+    greater = Signal(f.precision)
+    smaller = Signal(f.precision)
+    # So far, and the smaller operand is lost but for the sticky bit.
+    places = (f.precision + 2).bit_length()
     m.d.comb += [
         sign_y.eq(y.sign ^ subtract),
         differ.eq(x.sign ^ sign_y),
         infinite.eq(x.infinite | y.infinite),
-        swap.eq(a[:31] < b[:31]),
+        swap.eq(a[:-1] < b[:-1]),
         # Both differences at once: neither waits for the comparison.
         ahead.eq(x.exponent - y.exponent),
         behind.eq(y.exponent - x.exponent),
@@ -34,9 +36,10 @@ def order(m: Module, *, a: Value, b: Value, subtract: Value) -> dict[str, Any]:
         smaller.eq(Mux(swap, x.significand, y.significand)),
     ]
     return {
-        "greater": greater,
-        "smaller": smaller,
-        "distance": distance[:5] | distance[5:].any().replicate(5),  # 31 or more: beyond the 27 bits below
+        # A zero has no significand; where the greater operand is one, so is the smaller.
+        "greater": greater & ~(x.zero & y.zero).replicate(f.precision),
+        "smaller": smaller & ~(x.zero | y.zero).replicate(f.precision),
+        "distance": distance[:places] | distance[places:].any().replicate(places),
         "exponent": Mux(swap, y.exponent, x.exponent),
         "sign": x.sign ^ (swap & differ),
         "differ": differ & ~infinite,
@@ -45,53 +48,42 @@ def order(m: Module, *, a: Value, b: Value, subtract: Value) -> dict[str, Any]:
     }
 
 
-def align(m: Module, *, smaller: Value, distance: Value, **rest: Any) -> dict[str, Any]:
+def align(m: Module, f: FloatFormat, *, smaller: Value, distance: Value, **rest: Any) -> dict[str, Any]:
     """Three bits below the significand (guard, round, sticky) are enough to round correctly."""
     shifted, lost = shift_right(m, Cat(Const(0, 2), smaller), distance, "align")
     return {"smaller": Cat(lost, shifted), **rest}
 
 
-def add(m: Module, *, greater: Value, smaller: Value, differ: Value, **rest: Any) -> dict[str, Any]:
-    raw = Signal(28)
-    m.d.comb += raw.eq(add_with_carry(Cat(Const(0, 3), greater), smaller ^ differ.replicate(27), differ))
-    # A difference always carries out of the 27 bits, for it is not negative.
-    return {"total": Cat(raw[:27], raw[27] & ~differ), "differ": differ, **rest}
+def add(m: Module, f: FloatFormat, *, greater: Value, smaller: Value, differ: Value, **rest: Any) -> dict[str, Any]:
+    width = f.precision + 3
+    raw = Signal(width + 1)
+    m.d.comb += raw.eq(add_with_carry(Cat(Const(0, 3), greater), smaller ^ differ.replicate(width), differ))
+    # A difference always carries out, for it is not negative.
+    return {"total": Cat(raw[:width], raw[width] & ~differ), "differ": differ, **rest}
 
 
-def count(m: Module, *, total: Value, **rest: Any) -> dict[str, Any]:
+def count(m: Module, f: FloatFormat, *, total: Value, **rest: Any) -> dict[str, Any]:
     return {"total": total, "zeros": leading_zeros(m, total, "zeros"), **rest}
 
 
-def normalise(m: Module, *, total: Value, zeros: Value, exponent: Value, **rest: Any) -> dict[str, Any]:
+def normalise(m: Module, f: FloatFormat, *, total: Value, zeros: Value, exponent: Value, **rest: Any) -> dict[str, Any]:
     scaled = shift_left(m, total, zeros, "scaled")
-    biased = Signal(signed(10))
+    biased = Signal(f.exponent)
     m.d.comb += biased.eq(exponent + 1 - zeros)
     return {"kept": scaled[4:], "guard": scaled[3], "sticky": scaled[:3].any(), "exponent": biased, **rest}
 
 
-def round_sum(
-    m: Module,
-    *,
-    kept: Value,
-    guard: Value,
-    sticky: Value,
-    exponent: Value,
-    sign: Value,
-    differ: Value,
-    infinite: Value,
-    nan: Value,
-) -> dict[str, Any]:
+def round_sum(m: Module, f: FloatFormat, *, kept: Value, sign: Value, differ: Value, **rest: Any) -> dict[str, Any]:
     """Equal magnitudes of opposite signs give +0; a sum of zeros of one sign keeps it."""
-    finite = rounded(m, sign=sign, exponent=exponent, kept=kept, guard=guard, sticky=sticky, name="finite")
-    zero = ~kept[23]
-    return {"z": with_specials(m, finite=finite, sign=sign & ~(zero & differ), nan=nan, infinite=infinite, zero=zero)}
+    zero = ~kept[-1]
+    return {"z": rounded(m, f, kept=kept, sign=sign & ~(zero & differ), zero=zero, **rest)}
 
 
 class FloatAdd(StepCore):
-    """float32 addition and subtraction; depth 0 to 6."""
+    """Addition and subtraction; depth 0 to 6."""
 
     unit_name = "float_add"
 
     @classmethod
-    def steps(cls) -> list[Step]:
-        return [order, align, add, count, normalise, round_sum]
+    def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
+        return [(order, 16), (align, 12), (add, 14), (count, 10), (normalise, 12), (round_sum, 14)]

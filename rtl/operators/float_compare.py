@@ -4,24 +4,20 @@ from typing import Any
 
 from amaranth import Module, Mux, Signal, Value
 
-from rtl.operators.fields import unpack
+from rtl.operators.fields import FLOAT32, FloatFormat, unpack
 from rtl.pipeline import Step, StepCore
 
 
-def magnitude_less(a: Value, b: Value) -> Value:
-    """|a| < |b| by their bits; of two zeros or subnormals, which the contract makes equal, it says anything."""
-    return a[:31] < b[:31]
-
-
-def compare(m: Module, *, a: Value, b: Value) -> dict[str, Any]:
-    x, y = unpack(m, a, "x"), unpack(m, b, "y")
+def compare(m: Module, f: FloatFormat = FLOAT32, *, a: Value, b: Value) -> dict[str, Any]:
+    x, y = unpack(m, f, a, "x"), unpack(m, f, b, "y")
     equal = Signal()
     less = Signal()
     unordered = Signal()
     m.d.comb += [
         unordered.eq(x.nan | y.nan),
         equal.eq((x.zero & y.zero) | (Value.cast(a) == b)),
-        less.eq(Mux(x.sign ^ y.sign, x.sign, magnitude_less(Mux(x.sign, b, a), Mux(x.sign, a, b)))),
+        # Of unequal operands; bits without the sign order like numbers.
+        less.eq(Mux(x.sign ^ y.sign, x.sign, (a[:-1] < b[:-1]) ^ x.sign)),
     ]
     ordered = ~unordered
     return {
@@ -33,10 +29,10 @@ def compare(m: Module, *, a: Value, b: Value) -> dict[str, Any]:
 
 
 class FloatCompare(StepCore):
-    """float32 comparison; depth 0 to 1."""
+    """Comparison; depth 0 to 1."""
 
     unit_name = "float_compare"
 
     @classmethod
-    def steps(cls) -> list[Step]:
-        return [compare]
+    def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
+        return [(compare, 20)]

@@ -1,7 +1,8 @@
 """a*b - c*d, exact, rounded once.
 
-The products (48 bits each) are formed in full. The one with the smaller exponent is moved right by the distance of the
-exponents and subtracted from the other. Two places below the larger product and a sticky bit keep that exact enough:
+The products are formed in full (48 bits each; all numbers here are float32's). The one with the smaller exponent is
+moved right by the distance of the exponents and subtracted from the other. Two places below the larger product and a
+sticky bit keep that exact enough:
 
 - distance 0, 1 or 2: nothing falls out at the low end, so the difference is exact however far it cancels;
 - distance 3 or more: in units of the larger product's last place that product is at least 2**46 and the other less than
@@ -11,31 +12,26 @@ exponents and subtracted from the other. Two places below the larger product and
 
 from typing import Any
 
-from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
+from amaranth import Cat, Const, Module, Mux, Signal, Value
 
-from rtl.operators.fields import add_with_carry, unpack
+from rtl.operators import product
+from rtl.operators.fields import FloatFormat, add_with_carry, unpack
 from rtl.operators.float_add import count, round_sum
-from rtl.operators.float_multiply import rows, sum_of_rows
 from rtl.operators.shifts import shift_left, shift_right
 from rtl.pipeline import Step, StepCore
 
-WIDTH = 48 + 3
-"""A product, two exact places below it and the sticky bit."""
 
-
-def multiply(m: Module, *, a: Value, b: Value, c: Value, d: Value) -> dict[str, Any]:
-    """Both products, p = a*b and q = -c*d, each as two rows."""
-    x, y, z, w = unpack(m, a, "x"), unpack(m, b, "y"), unpack(m, c, "z"), unpack(m, d, "w")
-    p_low, p_high = rows(m, x.significand, y.significand, "p")
-    q_low, q_high = rows(m, z.significand, w.significand, "q")
+def classify(m: Module, f: FloatFormat, *, a: Value, b: Value, c: Value, d: Value) -> dict[str, Any]:
+    """The factors of both products, p = a*b and q = -c*d, and what is known of the products without forming them."""
+    x, y, z, w = unpack(m, f, a, "x"), unpack(m, f, b, "y"), unpack(m, f, c, "z"), unpack(m, f, d, "w")
     p_zero, q_zero = x.zero | y.zero, z.zero | w.zero
     p_infinite, q_infinite = x.infinite | y.infinite, z.infinite | w.infinite
     p_sign = Signal()
     q_sign = Signal()
     differ = Signal()
     infinite = Signal()
-    p_exponent = Signal(9)
-    q_exponent = Signal(9)
+    p_exponent = Signal(f.exponent_bits + 1)
+    q_exponent = Signal(f.exponent_bits + 1)
     m.d.comb += [
         p_sign.eq(x.sign ^ y.sign),
         q_sign.eq(~(z.sign ^ w.sign)),
@@ -46,10 +42,12 @@ def multiply(m: Module, *, a: Value, b: Value, c: Value, d: Value) -> dict[str, 
         q_exponent.eq(Mux(q_zero, 0, z.exponent + w.exponent)),
     ]
     return {
-        "p_low": p_low,
-        "p_high": p_high,
-        "q_low": q_low,
-        "q_high": q_high,
+        "x": x.significand,
+        "triple_x": product.triple(m, x.significand, "triple_x"),
+        "y": y.significand & ~p_zero.replicate(f.precision),
+        "z": z.significand,
+        "triple_z": product.triple(m, z.significand, "triple_z"),
+        "w": w.significand & ~q_zero.replicate(f.precision),
         "p_exponent": p_exponent,
         "q_exponent": q_exponent,
         # An infinite result has the sign of the infinite product, whatever the rest of the datapath finds.
@@ -65,39 +63,44 @@ def multiply(m: Module, *, a: Value, b: Value, c: Value, d: Value) -> dict[str, 
     }
 
 
-def add_rows(
+def multiply(
     m: Module,
+    f: FloatFormat,
     *,
-    p_low: Value,
-    p_high: Value,
-    q_low: Value,
-    q_high: Value,
+    x: Value,
+    triple_x: Value,
+    y: Value,
+    z: Value,
+    triple_z: Value,
+    w: Value,
     p_exponent: Value,
     q_exponent: Value,
     sign: Value,
     differ: Value,
     **rest: Any,
 ) -> dict[str, Any]:
-    """The products, and which of them has the greater exponent; `sign` becomes that of the greater one."""
-    p = Signal(48)
-    q = Signal(48)
-    ahead = Signal(10)
-    behind = Signal(10)
+    """Both products, each as two rows, and which has the greater exponent; `sign` becomes that of the greater one."""
+    p_low, p_high = product.product_rows(m, x, triple_x, y, "p")
+    q_low, q_high = product.product_rows(m, z, triple_z, w, "q")
+    ahead = Signal(f.exponent_bits + 2)
+    behind = Signal(f.exponent_bits + 2)
     swap = Signal()
-    distance = Signal(9)
+    distance = Signal(f.exponent_bits + 1)
+    # So far, and the smaller product is lost but for the sticky bit.
+    places = (2 * f.precision + 2).bit_length()
     m.d.comb += [
-        p.eq(sum_of_rows(p_low, p_high)),
-        q.eq(sum_of_rows(q_low, q_high)),
         ahead.eq(p_exponent - q_exponent),
         behind.eq(q_exponent - p_exponent),
-        swap.eq(ahead[9]),
+        swap.eq(ahead[-1]),
         distance.eq(Mux(swap, behind, ahead)),
     ]
     return {
-        "p": p,
-        "q": q,
+        "p_low": p_low,
+        "p_high": p_high,
+        "q_low": q_low,
+        "q_high": q_high,
         "swap": swap,
-        "distance": distance[:6] | distance[6:].any().replicate(6),  # 63 or more: beyond the 50 bits below
+        "distance": distance[:places] | distance[places:].any().replicate(places),
         "exponent": Mux(swap, q_exponent, p_exponent),
         "sign": sign ^ (swap & differ),
         "differ": differ,
@@ -105,43 +108,63 @@ def add_rows(
     }
 
 
-def align(m: Module, *, p: Value, q: Value, swap: Value, distance: Value, **rest: Any) -> dict[str, Any]:
-    greater = Signal(48)
-    smaller = Signal(48)
-    m.d.comb += [greater.eq(Mux(swap, q, p)), smaller.eq(Mux(swap, p, q))]
+def add_rows(
+    m: Module, f: FloatFormat, *, p_low: Value, p_high: Value, q_low: Value, q_high: Value, swap: Value, **rest: Any
+) -> dict[str, Any]:
+    p = Signal(2 * f.precision)
+    q = Signal(2 * f.precision)
+    m.d.comb += [p.eq(p_low + p_high), q.eq(q_low + q_high)]
+    return {"greater": Mux(swap, q, p), "smaller": Mux(swap, p, q), **rest}
+
+
+def align(m: Module, f: FloatFormat, *, smaller: Value, distance: Value, **rest: Any) -> dict[str, Any]:
     shifted, lost = shift_right(m, Cat(Const(0, 2), smaller), distance, "align")
-    return {"greater": greater, "smaller": Cat(lost, shifted), **rest}
+    return {"smaller": Cat(lost, shifted), **rest}
 
 
-def add(m: Module, *, greater: Value, smaller: Value, differ: Value, sign: Value, **rest: Any) -> dict[str, Any]:
+def add(
+    m: Module, f: FloatFormat, *, greater: Value, smaller: Value, differ: Value, sign: Value, **rest: Any
+) -> dict[str, Any]:
     """The product with the greater exponent may still be the smaller one: both differences, then the positive one."""
-    forward = Signal(WIDTH + 1)
-    backward = Signal(WIDTH)
+    width = 2 * f.precision + 3  # a product, two exact places below it and the sticky bit
+    forward = Signal(width + 1)
+    backward = Signal(width)
     negative = Signal()
-    total = Signal(WIDTH + 1)
+    total = Signal(width + 1)
     wide = Cat(Const(0, 3), greater)
     m.d.comb += [
-        forward.eq(add_with_carry(wide, smaller ^ differ.replicate(WIDTH), differ)),
+        forward.eq(add_with_carry(wide, smaller ^ differ.replicate(width), differ)),
         backward.eq(smaller - wide),
-        negative.eq(differ & ~forward[WIDTH]),
+        negative.eq(differ & ~forward[width]),
         # The carry out of a difference is not one of its digits.
-        total.eq(Cat(Mux(negative, backward, forward[:WIDTH]), forward[WIDTH] & ~differ)),
+        total.eq(Cat(Mux(negative, backward, forward[:width]), forward[width] & ~differ)),
     ]
     return {"total": total, "differ": differ, "sign": sign ^ negative, **rest}
 
 
-def normalise(m: Module, *, total: Value, zeros: Value, exponent: Value, **rest: Any) -> dict[str, Any]:
+def normalise(m: Module, f: FloatFormat, *, total: Value, zeros: Value, exponent: Value, **rest: Any) -> dict[str, Any]:
     scaled = shift_left(m, total, zeros, "scaled")
-    biased = Signal(signed(10))
-    m.d.comb += biased.eq(exponent - 125 - zeros)
-    return {"kept": scaled[28:], "guard": scaled[27], "sticky": scaled[:27].any(), "exponent": biased, **rest}
+    biased = Signal(f.exponent)
+    m.d.comb += biased.eq(exponent - (f.bias - 2) - zeros)
+    kept = scaled[-f.precision :]
+    below = scaled[: -f.precision]
+    return {"kept": kept, "guard": below[-1], "sticky": below[:-1].any(), "exponent": biased, **rest}
 
 
 class FloatDifferenceOfProducts(StepCore):
-    """a*b - c*d of float32 numbers with a single rounding, so that its sign is exact; depth 0 to 7."""
+    """a*b - c*d with a single rounding, so that its sign is exact; depth 0 to 8."""
 
     unit_name = "float_difference_of_products"
 
     @classmethod
-    def steps(cls) -> list[Step]:
-        return [multiply, add_rows, align, add, count, normalise, round_sum]
+    def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
+        return [
+            (classify, 14),
+            (multiply, 26),
+            (add_rows, 22),
+            (align, 14),
+            (add, 20),
+            (count, 12),
+            (normalise, 14),
+            (round_sum, 14),
+        ]

@@ -2,19 +2,16 @@
 
 from typing import Any
 
-from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
+from amaranth import Cat, Const, Module, Mux, Signal, Value
 
-from rtl.operators.fields import rounded, unpack, with_specials
+from rtl.operators.fields import FloatFormat, rounded, unpack
 from rtl.pipeline import Step, StepCore
 
-QUOTIENT_BITS = 26
-"""The significands' quotient is in (1/2, 2): one bit before the point, then 24 and the guard bit in either case."""
 
-
-def classify(m: Module, *, a: Value, b: Value) -> dict[str, Any]:
-    x, y = unpack(m, a, "x"), unpack(m, b, "y")
-    exponent = Signal(signed(10))
-    m.d.comb += exponent.eq(x.exponent - y.exponent + 127)
+def classify(m: Module, f: FloatFormat, *, a: Value, b: Value) -> dict[str, Any]:
+    x, y = unpack(m, f, a, "x"), unpack(m, f, b, "y")
+    exponent = Signal(f.exponent)
+    m.d.comb += exponent.eq(x.exponent - y.exponent + f.bias)
     return {
         "remainder": Cat(x.significand, Const(0, 1)),
         "divisor": y.significand,
@@ -27,44 +24,38 @@ def classify(m: Module, *, a: Value, b: Value) -> dict[str, Any]:
     }
 
 
-def quotient_bit(m: Module, *, remainder: Value, divisor: Value, quotient: Value, **rest: Any) -> dict[str, Any]:
+def quotient_bit(
+    m: Module, f: FloatFormat, *, remainder: Value, divisor: Value, quotient: Value, **rest: Any
+) -> dict[str, Any]:
     """One bit of the restoring division: subtract where it fits, then double. The remainder stays below 2 * divisor."""
     index = len(quotient)
-    difference = Signal(26, name=f"difference{index}")
-    doubled = Signal(25, name=f"remainder{index}")
+    difference = Signal(f.precision + 2, name=f"difference{index}")
+    doubled = Signal(f.precision + 1, name=f"remainder{index}")
     m.d.comb += [
         difference.eq(remainder - divisor),
-        doubled.eq(Cat(Const(0, 1), Mux(difference[25], remainder, difference))),
+        doubled.eq(Cat(Const(0, 1), Mux(difference[-1], remainder, difference))),
     ]
-    return {"remainder": doubled, "divisor": divisor, "quotient": Cat(~difference[25], quotient), **rest}
+    return {"remainder": doubled, "divisor": divisor, "quotient": Cat(~difference[-1], quotient), **rest}
 
 
 def round_quotient(
-    m: Module,
-    *,
-    remainder: Value,
-    divisor: Value,
-    quotient: Value,
-    exponent: Value,
-    sign: Value,
-    zero: Value,
-    infinite: Value,
-    nan: Value,
+    m: Module, f: FloatFormat, *, remainder: Value, divisor: Value, quotient: Value, exponent: Value, **rest: Any
 ) -> dict[str, Any]:
     below = ~quotient[-1]  # the quotient is less than one
-    kept = Signal(25)
-    biased = Signal(signed(10))
+    kept = Signal(f.precision + 1)
+    biased = Signal(f.exponent)
     m.d.comb += [kept.eq(Mux(below, quotient, quotient[1:])), biased.eq(exponent - below)]
     sticky = remainder.any() | (~below & quotient[0])
-    finite = rounded(m, sign=sign, exponent=biased, kept=kept[1:], guard=kept[0], sticky=sticky, name="finite")
-    return {"z": with_specials(m, finite=finite, sign=sign, nan=nan, infinite=infinite, zero=zero)}
+    return {"z": rounded(m, f, exponent=biased, kept=kept[1:], guard=kept[0], sticky=sticky, **rest)}
 
 
 class FloatDivide(StepCore):
-    """float32 division, one bit of the quotient a step; depth 0 to 28."""
+    """Division, one bit of the quotient a step; depth 0 to 28."""
 
     unit_name = "float_divide"
 
     @classmethod
-    def steps(cls) -> list[Step]:
-        return [classify, *[quotient_bit] * QUOTIENT_BITS, round_quotient]
+    def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
+        # The significands' quotient is in (1/2, 2): one bit before the point, then those of a significand and the guard
+        # bit in either case.
+        return [(classify, 12), *[(quotient_bit, 17)] * (format.precision + 2), (round_quotient, 18)]

@@ -2,21 +2,21 @@
 
 from typing import Any
 
-from amaranth import Cat, Module, Mux, Signal, Value, signed
+from amaranth import Module, Mux, Signal, Value
 
-from rtl.operators.fields import rounded, unpack, with_specials
+from rtl.operators import product
+from rtl.operators.fields import FloatFormat, rounded, unpack
 from rtl.pipeline import Step, StepCore
 
 
-def multiply(m: Module, *, a: Value, b: Value) -> dict[str, Any]:
-    """The 24x24 product, as two rows, so that a register stage may stand between them and their sum."""
-    x, y = unpack(m, a, "x"), unpack(m, b, "y")
-    low, high = rows(m, x.significand, y.significand, "product")
-    exponent = Signal(signed(10))
-    m.d.comb += exponent.eq(x.exponent + y.exponent - 127)
+def classify(m: Module, f: FloatFormat, *, a: Value, b: Value) -> dict[str, Any]:
+    x, y = unpack(m, f, a, "x"), unpack(m, f, b, "y")
+    exponent = Signal(f.exponent)
+    m.d.comb += exponent.eq(x.exponent + y.exponent - f.bias)
     return {
-        "low": low,
-        "high": high,
+        "x": x.significand,
+        "triple": product.triple(m, x.significand, "triple"),
+        "y": y.significand,
         "sign": x.sign ^ y.sign,
         "exponent": exponent,
         "zero": x.zero | y.zero,
@@ -25,54 +25,32 @@ def multiply(m: Module, *, a: Value, b: Value) -> dict[str, Any]:
     }
 
 
-def rows(m: Module, x: Value, y: Value, name: str) -> tuple[Signal, Signal]:
-    """x * y = low + (high << 12), each row one 24x12 multiplier: the size that FPGA multiplier blocks take."""
-    low, high = Signal(36, name=f"{name}_low"), Signal(36, name=f"{name}_high")
-    m.d.comb += [low.eq(x * y[:12]), high.eq(x * y[12:])]
-    return low, high
+def multiply(m: Module, f: FloatFormat, *, x: Value, triple: Value, y: Value, **rest: Any) -> dict[str, Any]:
+    low, high = product.product_rows(m, x, triple, y, "product")
+    return {"low": low, "high": high, **rest}
 
 
-def sum_of_rows(low: Value, high: Value) -> Value:
-    """48 bits; the low 12 need no adder."""
-    return Cat(low[:12], (low[12:] + high)[:36])
-
-
-def add_rows(m: Module, *, low: Value, high: Value, **rest: Any) -> dict[str, Any]:
-    product = Signal(48)
-    m.d.comb += product.eq(sum_of_rows(low, high))
-    return {"product": product, **rest}
-
-
-def normalise(m: Module, *, product: Value, exponent: Value, **rest: Any) -> dict[str, Any]:
+def add_rows(m: Module, f: FloatFormat, *, low: Value, high: Value, exponent: Value, **rest: Any) -> dict[str, Any]:
     """The product of two significands in [1, 2) is in [1, 4): at most one place to move."""
-    top = product[47]
-    kept = Signal(25)
-    biased = Signal(signed(10))
-    m.d.comb += [kept.eq(Mux(top, product[23:], product[22:])), biased.eq(exponent + top)]
-    sticky = product[:22].any() | (top & product[22])
+    whole = Signal(2 * f.precision, name="product")
+    kept = Signal(f.precision + 1)
+    biased = Signal(f.exponent)
+    m.d.comb += whole.eq(low + high)
+    top, below = whole[-1], f.precision - 2
+    m.d.comb += [kept.eq(Mux(top, whole[below + 1 :], whole[below:-1])), biased.eq(exponent + top)]
+    sticky = whole[:below].any() | (top & whole[below])
     return {"kept": kept, "sticky": sticky, "exponent": biased, **rest}
 
 
-def round_product(
-    m: Module,
-    *,
-    kept: Value,
-    sticky: Value,
-    sign: Value,
-    exponent: Value,
-    zero: Value,
-    infinite: Value,
-    nan: Value,
-) -> dict[str, Any]:
-    finite = rounded(m, sign=sign, exponent=exponent, kept=kept[1:], guard=kept[0], sticky=sticky, name="finite")
-    return {"z": with_specials(m, finite=finite, sign=sign, nan=nan, infinite=infinite, zero=zero)}
+def round_product(m: Module, f: FloatFormat, *, kept: Value, **rest: Any) -> dict[str, Any]:
+    return {"z": rounded(m, f, kept=kept[1:], guard=kept[0], **rest)}
 
 
 class FloatMultiply(StepCore):
-    """float32 multiplication; depth 0 to 4."""
+    """Multiplication; depth 0 to 4."""
 
     unit_name = "float_multiply"
 
     @classmethod
-    def steps(cls) -> list[Step]:
-        return [multiply, add_rows, normalise, round_product]
+    def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
+        return [(classify, 14), (multiply, 26), (add_rows, 20), (round_product, 16)]

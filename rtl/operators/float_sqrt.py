@@ -4,22 +4,19 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
-from rtl.operators.fields import rounded, unpack, with_specials
+from rtl.operators.fields import FloatFormat, rounded, unpack
 from rtl.pipeline import Step, StepCore
 
-ROOT_BITS = 25
-"""The root of a number in [1, 4) is in [1, 2): 24 bits and the guard bit."""
 
-
-def classify(m: Module, *, a: Value) -> dict[str, Any]:
+def classify(m: Module, f: FloatFormat, *, a: Value) -> dict[str, Any]:
     """An odd power of two is taken into the radicand, so that the exponent is even and halves."""
-    x = unpack(m, a, "x")
+    x = unpack(m, f, a, "x")
     odd = ~x.exponent[0]  # of the exponent without its bias, which is odd
-    radicand = Signal(25)
-    exponent = Signal(8)
+    radicand = Signal(f.precision + 1)
+    exponent = Signal(f.exponent)
     m.d.comb += [
         radicand.eq(Mux(odd, Cat(Const(0, 1), x.significand), x.significand)),
-        exponent.eq((x.exponent + 127) >> 1),
+        exponent.eq((x.exponent + f.bias) >> 1),
     ]
     return {
         "radicand": radicand,
@@ -33,7 +30,9 @@ def classify(m: Module, *, a: Value) -> dict[str, Any]:
     }
 
 
-def root_bit(m: Module, *, radicand: Value, root: Value, remainder: Value, **rest: Any) -> dict[str, Any]:
+def root_bit(
+    m: Module, f: FloatFormat, *, radicand: Value, root: Value, remainder: Value, **rest: Any
+) -> dict[str, Any]:
     """One bit of the restoring square root: the next two bits of the radicand come down, and 4 * root + 1 is tried.
 
     The remainder is at most 2 * root, one bit longer than the root.
@@ -50,28 +49,17 @@ def root_bit(m: Module, *, radicand: Value, root: Value, remainder: Value, **res
 
 
 def round_root(
-    m: Module,
-    *,
-    radicand: Value,
-    root: Value,
-    remainder: Value,
-    exponent: Value,
-    sign: Value,
-    zero: Value,
-    infinite: Value,
-    nan: Value,
+    m: Module, f: FloatFormat, *, radicand: Value, root: Value, remainder: Value, **rest: Any
 ) -> dict[str, Any]:
-    finite = rounded(
-        m, sign=sign, exponent=exponent, kept=root[1:], guard=root[0], sticky=remainder.any(), name="finite"
-    )
-    return {"z": with_specials(m, finite=finite, sign=sign, nan=nan, infinite=infinite, zero=zero)}
+    return {"z": rounded(m, f, kept=root[1:], guard=root[0], sticky=remainder.any(), **rest)}
 
 
 class FloatSqrt(StepCore):
-    """float32 square root, one bit of the root a step; depth 0 to 27."""
+    """Square root, one bit of the root a step; depth 0 to 27."""
 
     unit_name = "float_sqrt"
 
     @classmethod
-    def steps(cls) -> list[Step]:
-        return [classify, *[root_bit] * ROOT_BITS, round_root]
+    def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
+        # The root of a number in [1, 4) is in [1, 2): a significand and the guard bit.
+        return [(classify, 6), *[(root_bit, 17)] * (format.precision + 1), (round_root, 18)]

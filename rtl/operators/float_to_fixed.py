@@ -4,14 +4,14 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
 
-from rtl.operators.fields import unpack
+from rtl.operators.fields import FloatFormat, unpack
 from rtl.operators.shifts import shift_right
 from rtl.pipeline import Step, StepCore
 
 
-def align(m: Module, *, a: Value, fraction: Value) -> dict[str, Any]:
+def align(m: Module, f: FloatFormat, *, a: Value, fraction: Value) -> dict[str, Any]:
     """Only right shifts: the significand starts at the top of 32 bits, where its value would be 2**31 and more."""
-    x = unpack(m, a, "x")
+    x = unpack(m, f, a, "x")
     distance = Signal(signed(10))
     m.d.comb += distance.eq(158 - x.exponent - fraction)  # 158: exponent 31 and the bias
     amount = distance[:6] | (distance > 63).replicate(6)
@@ -28,7 +28,7 @@ def align(m: Module, *, a: Value, fraction: Value) -> dict[str, Any]:
 
 
 def round_fixed(
-    m: Module, *, kept: Value, guard: Value, sticky: Value, saturate: Value, nan: Value, sign: Value
+    m: Module, f: FloatFormat, *, kept: Value, guard: Value, sticky: Value, saturate: Value, nan: Value, sign: Value
 ) -> dict[str, Any]:
     """Rounds and negates with one adder: -(n + up) = ~n + (1 - up).
 
@@ -51,5 +51,5 @@ class FloatToFixed(StepCore):
     unit_name = "float_to_fixed"
 
     @classmethod
-    def steps(cls) -> list[Step]:
-        return [align, round_fixed]
+    def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
+        return [(align, 24), (round_fixed, 16)]

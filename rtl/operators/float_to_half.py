@@ -4,7 +4,7 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
 
-from rtl.operators.fields import unpack
+from rtl.operators.fields import FloatFormat, unpack
 from rtl.operators.shifts import shift_right
 from rtl.pipeline import Step, StepCore
 
@@ -13,9 +13,9 @@ HALF_INFINITY = 0x7C00
 REBIAS = 127 - 15
 
 
-def align(m: Module, *, a: Value) -> dict[str, Any]:
+def align(m: Module, f: FloatFormat, *, a: Value) -> dict[str, Any]:
     """The significand moved to where binary16 has its last place: below 2**-14 that place is fixed."""
-    x = unpack(m, a, "x")
+    x = unpack(m, f, a, "x")
     exponent = Signal(signed(9))
     distance = Signal(4)
     m.d.comb += exponent.eq(x.exponent - REBIAS)
@@ -36,6 +36,7 @@ def align(m: Module, *, a: Value) -> dict[str, Any]:
 
 def round_half(
     m: Module,
+    f: FloatFormat,
     *,
     kept: Value,
     guard: Value,
@@ -64,5 +65,5 @@ class FloatToHalf(StepCore):
     unit_name = "float_to_half"
 
     @classmethod
-    def steps(cls) -> list[Step]:
-        return [align, round_half]
+    def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
+        return [(align, 20), (round_half, 12)]

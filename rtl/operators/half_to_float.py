@@ -4,13 +4,13 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
-from rtl.operators.fields import with_specials
+from rtl.operators.fields import FloatFormat, packed
 from rtl.operators.float_to_half import REBIAS
 from rtl.operators.shifts import leading_zeros, shift_left
 from rtl.pipeline import Step, StepCore
 
 
-def count(m: Module, *, a: Value) -> dict[str, Any]:
+def count(m: Module, f: FloatFormat, *, a: Value) -> dict[str, Any]:
     raw = Value.cast(a)
     fraction, exponent = raw[:10], raw[10:15]
     return {
@@ -26,6 +26,7 @@ def count(m: Module, *, a: Value) -> dict[str, Any]:
 
 def widen(
     m: Module,
+    f: FloatFormat,
     *,
     fraction: Value,
     exponent: Value,
@@ -43,9 +44,9 @@ def widen(
         biased.eq(REBIAS + Mux(subnormal, -zeros, exponent)),
         digits.eq(Mux(subnormal, Cat(Const(0, 1), scaled), fraction)),
     ]
-    finite = Cat(Const(0, 13), digits, biased, sign)
     zero = subnormal & (fraction == 0)
-    return {"z": with_specials(m, finite=finite, sign=sign, nan=nan, infinite=infinite, zero=zero)}
+    widened = Cat(Const(0, 13), digits)
+    return {"z": packed(m, f, sign=sign, exponent=biased, fraction=widened, nan=nan, infinite=infinite, zero=zero)}
 
 
 class HalfToFloat(StepCore):
@@ -54,5 +55,5 @@ class HalfToFloat(StepCore):
     unit_name = "half_to_float"
 
     @classmethod
-    def steps(cls) -> list[Step]:
-        return [count, widen]
+    def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
+        return [(count, 8), (widen, 12)]

@@ -12,15 +12,16 @@ def shift_left(m: Module, value: Value, amount: Value, name: str) -> Signal:
 
 def shift_right(m: Module, value: Value, amount: Value, name: str) -> tuple[Signal, Signal]:
     """`value >> amount` and whether a one fell out at the low end, found beside the shift, not after it."""
-    out, falling = Signal(len(value), name=name), Signal(len(value), name=f"{name}_falling")
-    lost = Signal(name=f"{name}_lost")
-    ones = Const(-1, len(value))
-    m.d.comb += [
-        out.eq(value >> amount),
-        falling.eq(value & ~(ones << amount)),
-        lost.eq(falling.any()),
-    ]
-    return out, lost
+    lost: Value = Const(0, 1)
+    for k, far in enumerate(amount):
+        places = min(1 << k, len(value))
+        shifted, fallen = Signal(len(value), name=f"{name}{k}"), Signal(name=f"{name}{k}_lost")
+        m.d.comb += [
+            shifted.eq(Mux(far, value >> places, value)),
+            fallen.eq(lost | (far & value[:places].any())),
+        ]
+        value, lost = shifted, fallen
+    return value, lost
 
 
 def leading_zeros(m: Module, value: Value, name: str) -> Signal:

@@ -14,6 +14,7 @@ from golden_model.formats import field_width
 from golden_model.units import OPERATORS
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
+from rtl.operators.fields import FLOAT32
 from rtl.pipeline import StepCore, StreamUnit
 from sim.bulk import BulkUnit
 from tests.softfloat import softfloat_results
@@ -70,7 +71,7 @@ def test_verilog_agrees_at_the_other_depths(name: str) -> None:
 @pytest.mark.parametrize("name", OPERATORS)
 def test_every_depth_up_to_the_number_of_steps(name: str) -> None:
     core = core_of(name)
-    steps = len(core.steps())
+    steps = len(core.steps(FLOAT32))
     for depth in range(steps + 1):
         unit = StreamUnit(core(depth), tag_width=4)
         assert unit.latency == depth
@@ -113,5 +114,5 @@ def test_documentation_states_the_ports_and_depths() -> None:
             ", ".join(f"`{field}` {field_width(dtype[field])}" for field in dtype.names or ())
             for dtype in (unit.input, unit.output)
         ]
-        stated[name] = [*ports, f"`{parameter}`", f"0–{len(core_of(name).steps())}", " / ".join(depths)]  # noqa: RUF001
+        stated[name] = [*ports, f"`{parameter}`", f"0–{len(core_of(name).steps(FLOAT32))}", " / ".join(depths)]  # noqa: RUF001
     assert table == stated
