@@ -1,0 +1,29 @@
+/* Register view of {{ unit }}: its control and status ports, laid out as registers.
+ *
+ * A proposal: {{ unit }} has these as ports and no bus. It holds for a block of registers made from {{ unit }}.rdl.
+ * Offsets are in bytes. A register of more than 32 bits is two words, the lower one first.
+ */
+#ifndef LIGHTLOOM_{{ unit | upper }}_REGISTERS_H
+#define LIGHTLOOM_{{ unit | upper }}_REGISTERS_H
+{% for register in registers %}
+
+/* {{ register.meaning }} */
+#define LIGHTLOOM_{{ unit | upper }}_{{ register.name | upper }} {{ "0x%03xu" % register.offset }}
+{% for field in register.fields %}
+#define LIGHTLOOM_{{ unit | upper }}_{{ register.name | upper }}_{{ field.name | upper }}_SHIFT {{ field.low }}
+#define LIGHTLOOM_{{ unit | upper }}_{{ register.name | upper }}_{{ field.name | upper }}_WIDTH {{ field.width }}
+{% endfor %}
+{% endfor %}
+
+#define LIGHTLOOM_{{ unit | upper }}_BYTES {{ "0x%03xu" % size }}
+{% if load_errors %}
+
+/* status.load_error: why the last header was refused. */
+enum lightloom_{{ unit }}_load_error {
+{% for name, value in load_errors.items() %}
+  LIGHTLOOM_{{ unit | upper }}_LOAD_ERROR_{{ name | upper }} = {{ value }}{{ "," if not loop.last }}
+{% endfor %}
+};
+{% endif %}
+
+#endif

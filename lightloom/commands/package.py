@@ -1,0 +1,72 @@
+"""`lightloom package`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lightloom.commands.options import Json
+from lightloom.inputs import choose
+from rtl.config import PRESET_SUMMARIES, PRESETS
+
+
+def package(
+    units: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="UNIT", help="Names of units; all of them if none is given."),
+    ] = None,
+    preset: Annotated[
+        str, typer.Option("--preset", metavar="|".join(PRESETS), help="The hardware parameters; see above.")
+    ] = "base",
+    clock: Annotated[
+        float | None,
+        typer.Option(
+            "--clock", metavar="NS", help="Period of the clock in the constraints.", show_default="the preset's"
+        ),
+    ] = None,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder that everything is written to.")] = Path(
+        "build/package"
+    ),
+    json: Json = False,
+) -> None:
+    from lightloom.console import Progress, print_json, print_table
+    from lightloom.packaging import package_units
+    from rtl.catalogue import CATALOGUE
+
+    choose(preset, PRESETS, "preset")
+    names = [choose(name, CATALOGUE, "unit") for name in dict.fromkeys(units or CATALOGUE)]
+    with Progress() as progress, progress.stage("Package", len(names)) as advance:
+        described = package_units(names, preset, clock, out, advance)
+    if json:
+        print_json({"out": str(out), **described})
+        return
+    columns = ["unit", "computes", "latency", "interval"]
+    print_table(f"Package, preset {preset}", columns, [list(row.values()) for row in described["units"]])
+    print(f"{len(described['files']) + 2} files written to {out}; make -C {out} check")
+
+
+package.__doc__ = "\n".join(
+    [
+        "Package units for a flow: Verilog, constraints, descriptions, testbenches, checksums.",
+        "",
+        "\b",
+        "In DIR, whole or not at all:",
+        "  README.md   Makefile (make check)   manifest.json   SHA256SUMS",
+        "  rtl/UNIT.v  rtl/UNIT.json           Verilog-2001 and its manifest",
+        "  lightloom.f   lightloom.core        file list, FuseSoC",
+        "  sdc/  flow/librelane/  flow/openroad/   ipxact/",
+        "  registers/  include/                register view of control ports, C header of formats",
+        "  testbench/                          self-checking, vectors of the golden model",
+        "",
+        "`make check` in DIR needs sha256sum and Icarus Verilog, no Python. The same options give the same bytes.",
+        "",
+        "\b",
+        "Presets:",
+        *(f"  {name:<6} {PRESET_SUMMARIES[name]}" for name in PRESETS),
+        "",
+        "\b",
+        "Examples:",
+        "  lightloom package --out package",
+        "  lightloom package traversal --preset full --clock 4 --out package",
+    ]
+)

