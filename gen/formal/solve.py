@@ -41,7 +41,7 @@ top.il
 """
 
 STATUS = re.compile(r"DONE \((\w+), rc=")
-FAILED = re.compile(r"(?:failed assertion|unreached cover statement) \S+ at (\w+):0")
+FAILED = re.compile(r"summary: .*top\S* at (\w+):0")
 SEARCH = 24
 """Cycles in which a counterexample from reset is looked for where an induction does not decide."""
 

@@ -1,0 +1,169 @@
+"""The quick proofs; and that benches, references and faults do what they are for."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from amaranth import Module
+from amaranth.lib import stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from gen.formal.all_inputs import Gates
+from gen.formal.bench import Bench
+from gen.formal.catalogue import PROPERTIES
+from gen.formal.mutations import MUTATIONS, ROOT
+from gen.formal.numbers import every_input
+from gen.formal.properties import Bounded, Induction, Outcome, Property
+from gen.formal.small_floats import SmallFormat
+from gen.formal.solve import solve
+from gen.formal.streams import Tracker, held
+from rtl.operators.fields import FloatFormat
+from rtl.operators.float_multiply import FloatMultiply
+
+
+def prove(one: Property, folder: Path, solver: str = "yices") -> Outcome:
+    return solve([one], [solver], folder / "proofs", jobs=1)[0]
+
+
+@pytest.mark.parametrize("key", [key for key, one in PROPERTIES.items() if one.quick])
+def test_property_holds(key: str, tmp_path: Path) -> None:
+    outcome = prove(PROPERTIES[key], tmp_path)
+    assert outcome.status == "proved", outcome.as_row()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("key", [key for key, one in PROPERTIES.items() if not one.quick])
+def test_every_property_holds(key: str, tmp_path: Path) -> None:
+    outcome = prove(PROPERTIES[key], tmp_path)
+    assert outcome.status == "proved", outcome.as_row()
+
+
+class Register(wiring.Component):
+    """A stream through one register, which is wrong where it is told to be."""
+
+    def __init__(self, *, overwrites: bool):
+        self.overwrites = overwrites
+        super().__init__({"i": In(stream.Signature(4)), "o": Out(stream.Signature(4))})
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        m.d.comb += self.i.ready.eq(1 if self.overwrites else ~self.o.valid | self.o.ready)
+        with m.If(self.i.ready):
+            m.d.sync += [self.o.valid.eq(self.i.valid), self.o.payload.eq(self.i.payload)]
+        return m
+
+
+def register_bench(*, overwrites: bool, blocked: bool = False) -> Bench:
+    component = Register(overwrites=overwrites)
+    bench = Bench(component)
+    i, o = component.i, component.o
+    held(bench, "o", o.valid, o.ready, o.payload)
+    leaves = o.valid & o.ready
+    enters = i.valid & i.ready
+    tracker = Tracker(
+        bench, most=1, enters=enters, incoming=i.payload, leaves=leaves, offers=o.valid, outgoing=o.payload
+    )
+    bench.require("count_is_valid", tracker.count == o.valid)
+    if blocked:
+        bench.assume(~i.valid)
+    return bench
+
+
+def register_property(method: Induction | Bounded, **options: bool) -> Property:
+    return Property(
+        unit="register",
+        name="stream",
+        says="a register",
+        method=method,
+        build=lambda: register_bench(**options),
+        reach=4,
+    )
+
+
+@pytest.mark.parametrize("solver", ["yices", "z3"])
+def test_a_sound_component_is_proved(solver: str, tmp_path: Path) -> None:
+    outcome = prove(register_property(Induction(depth=1), overwrites=False), tmp_path, solver)
+    assert outcome.status == "proved"
+    assert list((tmp_path / "proofs").iterdir()) == []  # nothing is left of what holds
+
+
+@pytest.mark.parametrize("method", [Induction(depth=1), Bounded(depth=5)], ids=["induction", "bounded"])
+def test_a_fault_gives_a_counterexample(method: Induction | Bounded, tmp_path: Path) -> None:
+    outcome = prove(register_property(method, overwrites=True), tmp_path)
+    assert outcome.status == "failed"
+    assert outcome.note  # names what does not hold
+    assert set(outcome.note.split(", ")) <= {"o_payload_holds", "o_valid_holds", "room", "unchanged", "count_is_valid"}
+    assert (tmp_path / "proofs" / outcome.trace).read_text().startswith("$")
+
+
+def test_assumptions_that_leave_nothing_are_found(tmp_path: Path) -> None:
+    outcome = prove(register_property(Induction(depth=1), overwrites=False, blocked=True), tmp_path)
+    assert outcome.status == "vacuous"
+    assert "followed_one_leaves" in outcome.note
+
+
+def test_reference_of_small_formats_is_ieee() -> None:
+    """NumPy's binary16, whose operations round once, on random operands, with its subnormal numbers flushed."""
+    seed = 20
+    number = SmallFormat(5, 10)
+    bits = np.random.default_rng(seed).integers(0, 1 << 16, (2, 2000), dtype=np.uint16)
+
+    def flushed(values: np.ndarray) -> np.ndarray:
+        return np.where(np.abs(values) < 2.0**-14, np.copysign(0, values), values)
+
+    a, b = flushed(bits.view(np.float16).astype(np.float64))
+    with np.errstate(all="ignore"):
+        exact = {"add": a - b, "multiply": a * b, "divide": a / b, "sqrt": np.sqrt(a)}
+        rounded = {name: flushed(values.astype(np.float16)).astype(np.float16) for name, values in exact.items()}
+    found = {
+        "add": [number.add(int(x), int(y), 1) for x, y in bits.T],
+        "multiply": [number.multiply(int(x), int(y)) for x, y in bits.T],
+        "divide": [number.divide(int(x), int(y)) for x, y in bits.T],
+        "sqrt": [number.sqrt(int(x)) for x in bits[0]],
+    }
+    for name, values in rounded.items():
+        expected = np.where(np.isnan(values), np.uint16(number.nan), values.view(np.uint16))
+        wrong = np.flatnonzero(expected != np.array(found[name]))
+        assert not len(wrong), f"seed {seed}, {name} of {bits[:, wrong[0]]}"
+
+
+def test_reference_of_the_difference_of_products_rounds_once() -> None:
+    number = SmallFormat(4, 3)
+    near_one, one = 0b0111001, 0b0111000  # 1.125, 1
+    assert number.take(near_one)[1] == 1.125
+    # 1.125**2 - 1 = 0.265625, which is halfway between two numbers; 1.125**2 alone would round to 1.25.
+    assert number.take(number.difference_of_products(near_one, near_one, one, one))[1] in (0.25, 0.28125)
+    assert number.difference_of_products(near_one, one, near_one, one) == 0
+
+
+def test_all_inputs_are_tried() -> None:
+    gates = Gates(FloatMultiply(0, FloatFormat(2, 2)))
+    (operands, results) = next(iter(gates.run()))
+    assert gates.inputs == {"a": 5, "b": 5}
+    assert sorted(zip(operands["a"], operands["b"], strict=True)) == [(a, b) for a in range(32) for b in range(32)]
+    number = SmallFormat(2, 2)
+    assert [int(z) for z in results["z"]] == [
+        number.multiply(int(a), int(b)) for a, b in zip(operands["a"], operands["b"], strict=True)
+    ]
+
+
+def test_a_wrong_result_is_told_with_its_operands() -> None:
+    class Wrong(FloatMultiply):
+        """One bit, for one value of one operand."""
+
+        def elaborate(self, platform: object) -> Module:
+            whole, inner = Module(), FloatMultiply(0, self.format)
+            whole.submodules.inner = inner
+            whole.d.comb += [inner.i.eq(self.i), self.o.z.eq(inner.o.z ^ (self.i.a == 3))]
+            return whole
+
+    assert every_input(Wrong, SmallFormat(2, 2)) == "a = 0x3, b = 0x0: z is 0x1, should be 0x0"
+
+
+def test_faults_are_where_the_list_says() -> None:
+    for one in MUTATIONS.values():
+        assert (ROOT / one.file).read_text(encoding="utf-8").count(one.old) == 1, one.name
+        assert one.new != one.old
+        assert one.checks, one.name
+        for check in one.checks:
+            assert check in PROPERTIES or (ROOT / check.split("::")[0]).exists(), f"{one.name}: {check}"
