@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from gen.verilog import verilog_of
 from golden_model import bitpack
 from golden_model.errors import InputError
 from golden_model.units import UNITS
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
 from sim import verilated
+from sim.emitted import emitted
 
 HARNESS = Path(__file__).with_name("bulk.cpp")
 TOP = Path(__file__).with_name("bulk.v")
@@ -39,7 +39,7 @@ class BulkUnit:
             raise InputError(f"{unit}: no such unit; known are {', '.join(sorted(UNITS))}")
         self.unit = UNITS[unit]
         self.config = config
-        self.verilog = verilog_of(unit, config) if verilog is None else verilog
+        self.verilog = emitted(unit, config) if verilog is None else verilog
         """The text that is simulated; tests pass a deliberately broken one."""
         self._binaries: dict[bool, Path] = {}
         # A unit that does not take an operation every cycle stalls its input by itself.

@@ -20,11 +20,11 @@ import numpy as np
 from cocotb_tools.check_results import get_results
 
 from gen.manifest import manifest
-from gen.verilog import verilog_of
 from golden_model import bitpack
 from golden_model.units import UNITS
 from rtl.config import PRESETS, Config
 from sim import toolchain
+from sim.emitted import emitted
 from verif.coverage import BINS
 
 PRECISION = ("1ns", "1ps")
@@ -170,7 +170,7 @@ def run_bench(
     `coverage` is that of `run_cocotb`, `verilog` replaces the emitted text. Raises BenchError where a test fails or
     none was run, InputError where a tool is missing.
     """
-    text = verilog_of(unit, config) if verilog is None else verilog
+    text = emitted(unit, config) if verilog is None else verilog
     folder = _run_folder(unit, simulator, folder)
     assert operands.dtype == UNITS[unit].input
     np.save(folder / "operands.npy", bitpack.pack(operands))
