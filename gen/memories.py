@@ -5,7 +5,7 @@ file with an access time and a set-up time is written. What a macro lacks stays 
 written in the same cycle, a comparison and a register for the word are put around it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,6 +60,7 @@ class _Wires:
 
     def __init__(self, module: Json):
         self.cells: Json = module["cells"]
+        self.names: Json = module["netnames"]
         used = [bit for net in module["netnames"].values() for bit in net["bits"] if isinstance(bit, int)]
         for cell in self.cells.values():
             used += [bit for bits in cell["connections"].values() for bit in bits if isinstance(bit, int)]
@@ -137,7 +138,7 @@ def _replace(module: str, name: str, cell: Json, wires: _Wires) -> Memory:
         for write in reversed(range(writes)):
             if transparent >> (port * writes + write) & 1:
                 result = _bypass(
-                    wires, f"{name}_bypass{port}_{write}", clock, enable, address, write, connections, result
+                    wires, f"{name}.bypass{port}_{write}", clock, enable, address, write, connections, result
                 )
         connections[f"r{port}_en"], connections[f"r{port}_addr"], connections[f"r{port}_data"] = enable, address, result
     # Addresses of fewer bits than the depth asks for cannot occur; unused ones are left to the tool.
@@ -167,17 +168,19 @@ def _bypass(
     width = len(result)
     same, written, hold, word, macro = (wires.new(count) for count in (1, width, width, width, width))
     size = {"A_WIDTH": len(address), "B_WIDTH": len(address), "Y_WIDTH": 1, "A_SIGNED": 0, "B_SIGNED": 0}
-    wires.cell(f"{name}_eq", "$eq", size, A=address, B=connections[f"w{write}_addr"], Y=same)
+    wires.cell(f"${name}_eq", "$eq", size, A=address, B=connections[f"w{write}_addr"], Y=same)
     size = {"A_WIDTH": width, "B_WIDTH": width, "Y_WIDTH": width, "A_SIGNED": 0, "B_SIGNED": 0}
-    wires.cell(f"{name}_and", "$and", size, A=connections[f"w{write}_en"], B=same * width, Y=written)
+    wires.cell(f"${name}_and", "$and", size, A=connections[f"w{write}_en"], B=same * width, Y=written)
     flip_flop = {"WIDTH": width, "CLK_POLARITY": 1, "EN_POLARITY": 1}
     for part, data, kept in (("hold", written, hold), ("word", connections[f"w{write}_data"], word)):
-        wires.cell(f"{name}_{part}", "$dffe", flip_flop, CLK=clock, EN=enable, D=data, Q=kept)
-    wires.cell(f"{name}_mux", "$bwmux", {"WIDTH": width}, A=macro, B=word, S=hold, Y=result)
+        wires.cell(f"${name}_{part}", "$dffe", flip_flop, CLK=clock, EN=enable, D=data, Q=kept)
+    for part, bits in (("hold", hold), ("word", word)):
+        wires.names[f"{name}_{part}"] = {"hide_name": 0, "bits": bits, "attributes": {}}
+    wires.cell(f"${name}_mux", "$bwmux", {"WIDTH": width}, A=macro, B=word, S=hold, Y=result)
     return macro
 
 
-def liberty(memories: list[Memory], access: float, setup: float) -> str:
+def liberty(memories: Iterable[Memory], access: float, setup: float) -> str:
     """A liberty file of the empty modules: times in ns from the clock to the word, and before the clock."""
     macros = sorted({memory.macro: memory for memory in memories}.values(), key=lambda memory: memory.macro)
     widths = sorted({width for memory in macros for _, _, width in memory.ports() if width > 1})
@@ -206,7 +209,8 @@ def liberty(memories: list[Memory], access: float, setup: float) -> str:
 
 def _pin(name: str, way: str, width: int, access: float, setup: float) -> Iterator[str]:
     group, shape = ("pin", "") if width == 1 else ("bus", f"bus_type : bus{width}; ")
-    yield f"    {group} ({name}) {{ direction : {way}; {shape}"
+    # In this order: OpenSTA makes the pins of a bus when it reads their type.
+    yield f"    {group} ({name}) {{ {shape}direction : {way};"
     if name == "clk":
         yield "      clock : true; capacitance : 0.001;"
     elif way == "input":
