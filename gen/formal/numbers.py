@@ -124,6 +124,19 @@ def properties() -> list[Property]:
             for unit, make, inputs, numbers in SUBJECTS
             for number in numbers
         ),
+        *(
+            Property(
+                unit=unit,
+                name=f"every-{number.bits}-bit-input-blocks",
+                says="the same for the products as an FPGA's multiplier blocks take them",
+                method=Exhaustive(inputs=1 << inputs),
+                check=partial(every_input, partial(make, blocks=True), number),
+            )
+            for unit, make, number, inputs in (
+                ("float_multiply", FloatMultiply, EIGHT, 16),
+                ("float_difference_of_products", FloatDifferenceOfProducts, FIVE, 20),
+            )
+        ),
         Property(
             unit="half_to_float",
             name="every-input",
