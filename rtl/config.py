@@ -26,7 +26,7 @@ class Config:
     width: int = 8
     """Boxes that a node test has testers for, 4 or 8: the greatest number of children of a node."""
     node_test_depth: int = 6
-    """node_test, 0 to 12."""
+    """node_test, 0 to 16."""
     contexts: int = 64
     """Rays that a traversal unit has in flight, a power of two, 4 to 256."""
     stack: int = 24
@@ -85,7 +85,7 @@ PRESETS: dict[str, Config] = {
         sqrt_depth=27,
         compare_depth=1,
         convert_depth=2,
-        node_test_depth=10,
+        node_test_depth=9,
         contexts=128,
         stack=32,
         node_sets=128,

@@ -13,9 +13,10 @@ from golden_model import node_test as model
 from golden_model.bitpack import equal, pack, unpack
 from golden_model.formats import NODE_HITS, WIDTH
 from golden_model.units import UNITS
+from rtl.box_axis import STEPS
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
-from rtl.node_test import STEPS, NodeTest
+from rtl.node_test import NodeTest
 from sim.bulk import BulkUnit
 from tests.rtl.agreement import assert_agrees, bulk_unit
 from verif.box_vectors import box_setup_vectors, node_test_vectors, ray_time_vectors
@@ -103,8 +104,8 @@ def test_every_depth(depth: int) -> None:
     ("change", "message"),
     [
         ({"width": 6}, "node_test: width must be 4 or 8, not 6"),
-        ({"node_test_depth": 13}, "node_test: depth must be 0 to 12, not 13"),
-        ({"node_test_depth": -1}, "node_test: depth must be 0 to 12, not -1"),
+        ({"node_test_depth": 17}, "node_test: depth must be 0 to 16, not 17"),
+        ({"node_test_depth": -1}, "node_test: depth must be 0 to 16, not -1"),
     ],
 )
 def test_parameters_out_of_range_are_refused(change: dict[str, int], message: str) -> None:
