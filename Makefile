@@ -36,8 +36,10 @@ $(DRAGON): | $(READY)
 demo: setup ## render the Cornell box, replay its triangle tests through the Verilog, write build/demo/
 	$(BIN)/lightloom demo --out build/demo
 
+# Each worker begins with a stretch of files of its own, so that what the tests of a file share is made once; who is done
+# takes from the other's.
 test: setup lint ## lint, types and all tests but the long ones
-	$(BIN)/pytest -n $(WORKERS) -m "not long"
+	$(BIN)/pytest -n $(WORKERS) --dist worksteal -m "not long"
 
 lint: $(READY) ## ruff (lint and format) and mypy
 	$(BIN)/ruff check .
