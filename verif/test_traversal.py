@@ -39,7 +39,7 @@ from verif.axi_slave import AxiSlave, Manner
 from verif.bench import payloads
 from verif.coverage import StreamCycles, note
 from verif.stream import Exchange, StreamDriver, pattern
-from verif.traversal_bins import counter_groups, load_groups, memory_groups, ray_groups
+from verif.traversal_bins import channel_groups, counter_groups, load_groups, memory_groups, ray_groups
 
 LOAD_CYCLES = 2000
 """Cycles after which a tree must have been loaded or refused."""
@@ -264,7 +264,7 @@ class Bench:
         memory = self.memory
         note(lambda: ray_groups(queries, results, self.blocks))
         note(lambda: memory_groups(memory.overtaken, memory.mixed, memory.most_under_way > 1))
-        note(memory.cycles.groups)
+        note(lambda: channel_groups(memory.cycles))
         memory.cycles = StreamCycles(*memory.cycles.names)
 
     async def check(self, rays: Rays, what: str, give: str = "half", take: str = "half") -> None:
@@ -407,7 +407,9 @@ async def one_side_closed(dut: Any, closed: str) -> None:
     assert not before.received or closed == "memory"
     bench.memory.manner = MEMORIES["brisk"]
     after = await bench.exchange(offered[sent:], expected=len(rays) - len(before.received))
-    bench.assert_same(bench.answers(before.received + after.received, 0, len(rays)), rays, closed)
+    results = bench.answers(before.received + after.received, 0, len(rays))
+    bench.assert_same(results, rays, closed)
+    bench.note(rays.queries, results)
 
 
 # --- trees that are wrong ---------------------------------------------------------------------------------------------

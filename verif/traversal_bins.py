@@ -8,7 +8,7 @@ from golden_model.ray_setup import ray_setup
 from golden_model.ray_triangle import ray_triangle, triangle_tests
 from golden_model.wide_bvh import WideBvh, tree_triangles
 from rtl.traversal.counters import COUNTERS
-from verif.coverage import Groups, cases
+from verif.coverage import Groups, StreamCycles, cases
 
 WITHIN_A_TEST = 150
 """So many rays of a run are looked at for equal distances, which takes a test of every triangle."""
@@ -29,8 +29,7 @@ def ray_groups(queries: np.ndarray, results: np.ndarray, blocks: np.ndarray) -> 
         "results": cases(
             nearest_front=hit & front & ~any_hit,
             nearest_back=hit & ~front & ~any_hit,
-            any_front=hit & front & any_hit,
-            any_back=hit & ~front & any_hit,
+            any=hit & any_hit,
             on_an_edge=edge,
             miss=miss,
             invalid=invalid & ~failed,
@@ -83,6 +82,18 @@ def _ties(queries: np.ndarray, results: np.ndarray, blocks: np.ndarray) -> int:
 def load_groups(error: str) -> Groups:
     """A tree was loaded, or refused because of `error`."""
     return {"trees": {("loaded" if name == "none" else f"refused: {name}"): int(name == error) for name in LOAD_ERRORS}}
+
+
+def channel_groups(cycles: StreamCycles) -> Groups:
+    """What the channels of addresses and data did. The unit has room for all that it asks for and never holds data."""
+    return {
+        group: {name: count for name, count in bins.items() if count or not _holds_data(group, name)}
+        for group, bins in cycles.groups().items()
+    }
+
+
+def _holds_data(group: str, name: str) -> bool:
+    return (group == "data" and "held" in name) or (group == "addresses and data" and name.endswith(", held"))
 
 
 def counter_groups(counters: dict[str, int]) -> Groups:

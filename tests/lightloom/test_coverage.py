@@ -43,14 +43,14 @@ def test_what_is_not_reached_is_told() -> None:
     figures = {"toggles": 10, "toggles_seen": 9, "bins": 2, "bins_filled": 1, "tests": 1, "seconds": 1.0}
     measured = {
         "row": {"unit": "u", "configuration": "base", "branches": 10, "branches_taken": 8, **figures}
-        | {"branches_explained": 1},
+        | {"branches_explained": 1, "core_branches": 0, "core_branches_taken": 0},
         "bins": [{"unit": "u", "group": "g", "bin": name, "count": count} for name, count in (("one", 1), ("none", 0))],
         "untaken": [missed | {"reason": None}, missed | {"line": 4, "reason": "c is never asked for"}],
         "wrong": [],
     }
     report = coverage.report_of([measured], "lightloom coverage u")
     assert coverage.faults(report) == [
-        "8 of 10 branches are taken, less than 95%",
+        "8 of 10 branches are taken (1 cannot be), less than 95%",
         "u.v:3:7: cond_else of `a ? <b> : c` is not taken, and nothing says why",
         "u: g: none: never seen",
     ]
