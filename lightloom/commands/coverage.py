@@ -23,7 +23,7 @@ def coverage(
     Runs each unit's cocotb bench on a simulator that counts, and a bulk run of its corner cases and 200,000 random
     operands. A branch that is not taken has to be explained in sim/coverage_exclusions.toml. The exit code is 1 where
     less than 95 % of the branches are taken, one is neither taken nor explained, or one that is explained is taken.
-    All units take about half an hour; simulators are kept for the next time.
+    All units take about ten minutes on an idle machine; simulators are kept for the next time.
 
     \b
     In DIR, whole or not at all:
