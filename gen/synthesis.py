@@ -3,9 +3,10 @@
 In steps, each in a folder and each leaving files that the next one reads, so that a unit is elaborated once for all
 libraries:
 
-    generic   <unit>.v -> gates.il (gates of Yosys's own, flip-flops, memories that are kept out), counts
-    parts     <unit>.v -> counts of its modules
-    mapped    gates.il -> mapped.v (cells of a library), counts and areas
+    elaborate   <unit>.v -> gates.il: gates of Yosys's own, flip-flops, memories that are kept out
+    count       gates.il -> gate equivalents
+    parts       <unit>.v -> gate equivalents of its modules
+    mapped      gates.il -> mapped.v, cells of a library, and their area
 
 What is counted is said in docs/synthesis.md.
 """
@@ -56,15 +57,12 @@ class Part:
 
 
 @dataclass(frozen=True)
-class Generic:
-    """A unit without a library. Gates are two-input-gate equivalents: transistors of `abc -g cmos2` divided by 4."""
+class Elaborated:
+    """A unit in Yosys's own gates, written to gates.il."""
 
-    logic_gates: int
-    """Without flip-flops, as published figures are counted."""
-    gates: int
-    """With all flip-flops, their enables and resets."""
     flip_flops: int
     memories: tuple[Memory, ...]
+    """Those that were kept out of the gates."""
 
     @property
     def memory_bits(self) -> int:
@@ -74,8 +72,18 @@ class Generic:
         return asdict(self)
 
     @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> "Generic":
-        return cls(**{**data, "memories": tuple(Memory(**memory) for memory in data["memories"])})
+    def from_json(cls, data: Mapping[str, Any]) -> "Elaborated":
+        return cls(data["flip_flops"], tuple(Memory(**memory) for memory in data["memories"]))
+
+
+@dataclass(frozen=True)
+class Gates:
+    """Two-input-gate equivalents: transistors of `abc -g cmos2` divided by four."""
+
+    logic: int
+    """Without flip-flops, as published figures are counted."""
+    everything: int
+    """With all flip-flops, their enables and resets."""
 
 
 @dataclass(frozen=True)
@@ -87,36 +95,31 @@ class Mapped:
     flip_flop_area: float
 
 
-def generic(verilog: str, top: str, folder: Path, memory_bits: int) -> Generic:
-    """Elaborates the module `top`, writes gates.il into `folder` and counts gates.
+def elaborate(verilog: str, top: str, folder: Path, memory_bits: int) -> Elaborated:
+    """Elaborates the module `top` and writes gates.il into `folder`.
 
     Memories of at least `memory_bits` bits with synchronous reads are kept out of the gates. Raises InputError where
     Yosys is missing.
     """
     (folder / "unit.v").write_text(verilog, encoding="utf-8")
-    flat, memories = _elaborate(verilog, top, folder, memory_bits, "flat")
-    counts = COUNT.format(file="logic.json")
-    everything = COUNT.format(file="all.json")
-    script = f"""{flat}write_rtlil gates.il
-tee -q -o gates.json stat -json
-abc
-opt -fast
-design -save fast
-{counts}design -load fast
-{PLAIN_FLIP_FLOPS}{everything}"""
-    tools.yosys(script, folder, "generic")
-    flip_flops = sum(
-        n for cell, n in _cells(folder / "gates.json", top).items() if re.fullmatch(r"\$_\w*DFF\w*_", cell)
-    )
-    return Generic(
-        logic_gates=_gates(_without_flip_flops(_cells(folder / "logic.json", top))),
-        gates=_gates(_cells(folder / "all.json", top)),
-        flip_flops=flip_flops,
-        memories=tuple(memories),
+    script, memories = _script(verilog, top, folder, memory_bits, "flat")
+    tools.yosys(f"{script}write_rtlil gates.il\ntee -q -o gates.json stat -json\n", folder, "elaborate")
+    cells = _cells(folder / "gates.json", top)
+    return Elaborated(sum(cells.values()) - sum(_without_flip_flops(cells).values()), tuple(memories))
+
+
+def count(folder: Path, top: str) -> Gates:
+    """Gate equivalents of gates.il in `folder`."""
+    logic, everything = (COUNT.format(file=name) for name in ("logic.json", "everything.json"))
+    script = f"read_rtlil gates.il\nabc\nopt -fast\ndesign -save fast\n{logic}"
+    tools.yosys(f"{script}design -load fast\n{PLAIN_FLIP_FLOPS}{everything}", folder, "count")
+    return Gates(
+        logic=_gates(_without_flip_flops(_cells(folder / "logic.json", top))),
+        everything=_gates(_cells(folder / "everything.json", top)),
     )
 
 
-def _elaborate(verilog: str, top: str, folder: Path, memory_bits: int, name: str) -> tuple[str, list[Memory]]:
+def _script(verilog: str, top: str, folder: Path, memory_bits: int, name: str) -> tuple[str, list[Memory]]:
     """A script that leaves Yosys with the design's gates, and the memories that are not in it."""
     flatten = " -flatten" if name == "flat" else ""
     synth = SYNTH.format(top=top) + flatten
@@ -136,7 +139,7 @@ def _elaborate(verilog: str, top: str, folder: Path, memory_bits: int, name: str
 def parts(verilog: str, top: str, folder: Path, memory_bits: int) -> list[Part]:
     """The modules of the unit, each synthesised on its own: those with most gates over all instances first."""
     (folder / "unit.v").write_text(verilog, encoding="utf-8")
-    script, _ = _elaborate(verilog, top, folder, memory_bits, "hierarchical")
+    script, _ = _script(verilog, top, folder, memory_bits, "hierarchical")
     tools.yosys(f"{script}abc\nopt -fast\n{PLAIN_FLIP_FLOPS}{COUNT.format(file='modules.json')}", folder, "modules")
     modules = _stat(folder / "modules.json")["modules"]
     instances: Counter[str] = Counter()
@@ -155,9 +158,9 @@ def parts(verilog: str, top: str, folder: Path, memory_bits: int) -> list[Part]:
     return sorted(found, key=lambda part: (-part.instances * part.gates, part.module))
 
 
-def mapped(folder: Path, generic_folder: Path, library: Library, top: str) -> Mapped:
-    """Maps gates.il of `generic_folder` to cells and writes mapped.v into `folder`, where the library's files are."""
-    (folder / "gates.il").write_bytes((generic_folder / "gates.il").read_bytes())
+def mapped(folder: Path, elaborated: Path, library: Library, top: str) -> Mapped:
+    """Maps gates.il of the folder `elaborated` to cells; writes mapped.v into `folder`, where the library's files are."""
+    (folder / "gates.il").write_bytes((elaborated / "gates.il").read_bytes())
     (folder / "mapping.abc").write_text(MAPPING)
     sequential, gates = libraries.sequential(library), libraries.combinational(library)
     read = "\n".join(f"read_liberty -lib -ignore_miss_func {file}" for file in sequential)

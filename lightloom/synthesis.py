@@ -12,7 +12,7 @@ from typing import Any
 
 from gen import libraries, macros, memories, synthesis, timing, tools
 from gen.macros import Macro
-from gen.synthesis import Generic, Mapped, Part
+from gen.synthesis import Elaborated, Gates, Mapped, Part
 from gen.timing import Timing
 from golden_model.errors import InputError
 from lightloom.emission import unit_row
@@ -55,14 +55,16 @@ class Measured:
 
     unit: str
     preset: str
-    generic: Generic
+    elaborated: Elaborated
+    gates: Gates | None = None
+    """Counted where no library is given."""
     parts: tuple[Part, ...] = ()
     """Its modules, where they were asked for."""
     library: str | None = None
     mapped: Mapped | None = None
     timing: Timing | None = None
     folder: Path
-    """Where mapped.v and timing.txt are, or the files of the generic step."""
+    """Where mapped.v and timing.txt are, or those of the steps before."""
     options: Options
     seconds: float
     """What its steps took when they were done."""
@@ -75,11 +77,11 @@ class Measured:
             "preset": self.preset,
             "latency": described["latency"],
             "initiation_interval": described["initiation_interval"],
-            "gates": self.generic.gates,
-            "logic_gates": self.generic.logic_gates,
-            "flip_flops": self.generic.flip_flops,
-            "memories": len(self.generic.memories),
-            "memory_bits": self.generic.memory_bits,
+            "gates": self.gates.everything if self.gates else None,
+            "logic_gates": self.gates.logic if self.gates else None,
+            "flip_flops": self.elaborated.flip_flops,
+            "memories": len(self.elaborated.memories),
+            "memory_bits": self.elaborated.memory_bits,
             "library": self.library,
             "cells": self.mapped.cells if self.mapped else None,
             "area_um2": self.mapped.area if self.mapped else None,
@@ -102,7 +104,7 @@ class Measured:
 
     def tilings(self) -> list[macros.Tiling]:
         """Every memory in macros, if there are any."""
-        return [macros.tile(memory, self.options.macros) for memory in self.generic.memories if self.options.macros]
+        return [macros.tile(memory, self.options.macros) for memory in self.elaborated.memories if self.options.macros]
 
     def modules(self) -> list[Row]:
         """The modules of the unit: instances, and gate equivalents of one and of all."""
@@ -120,7 +122,7 @@ class Measured:
 
     def memories(self) -> list[Row]:
         """The memories that were kept out, and the macros for each."""
-        tilings: Sequence[macros.Tiling | None] = self.tilings() or [None] * len(self.generic.memories)
+        tilings: Sequence[macros.Tiling | None] = self.tilings() or [None] * len(self.elaborated.memories)
         return [
             {
                 "unit": self.unit,
@@ -136,7 +138,7 @@ class Measured:
                 "filled": round(tiling.filled, 3) if tiling else None,
                 "macro_area_um2": tiling.area if tiling else None,
             }
-            for memory, tiling in zip(self.generic.memories, tilings, strict=True)
+            for memory, tiling in zip(self.elaborated.memories, tilings, strict=True)
         ]
 
 
@@ -153,11 +155,13 @@ def measure(unit: str, preset: str, source: Source | None, options: Options, clo
     folder = toolchain.cache_folder() / "synthesis" / f"{unit}-{key}"
 
     def elaborate() -> Row:
-        return synthesis.generic(verilog, unit, folder, options.memory_bits).as_json()
+        return synthesis.elaborate(verilog, unit, folder, options.memory_bits).as_json()
 
-    made, seconds = kept(folder / "generic.json", elaborate)
-    generic = Generic.from_json(made)
-    measured = Measured(unit=unit, preset=preset, generic=generic, folder=folder, options=options, seconds=seconds)
+    made, seconds = kept(folder / "elaborated.json", elaborate)
+    elaborated = Elaborated.from_json(made)
+    measured = Measured(
+        unit=unit, preset=preset, elaborated=elaborated, folder=folder, options=options, seconds=seconds
+    )
     if options.parts:
 
         def take_apart() -> Row:
@@ -165,13 +169,17 @@ def measure(unit: str, preset: str, source: Source | None, options: Options, clo
 
         made, taken = kept(folder / "parts.json", take_apart)
         parts = tuple(Part(**part) for part in made["parts"])
-        measured = replace(measured, parts=parts, seconds=seconds + taken)
-    return measured if source is None else _with_library(measured, source, clock or source.period)
+        measured = replace(measured, parts=parts, seconds=measured.seconds + taken)
+    if source is not None:
+        return _with_library(measured, source, clock or source.period)
+    made, taken = kept(folder / "count.json", lambda: asdict(synthesis.count(folder, unit)))
+    return replace(measured, gates=Gates(**made), seconds=measured.seconds + taken)
 
 
 def _with_library(measured: Measured, source: Source, period: float) -> Measured:
     """The same with cells of a library, and with the timing where OpenSTA is installed."""
-    unit, generic, options, parent = measured.unit, measured.generic, measured.options, measured.folder
+    unit, options, parent = measured.unit, measured.options, measured.folder
+    kept_out = measured.elaborated.memories
     contents = [hashlib.sha256(_bytes(path)).hexdigest() for path in source.files]
     folder = parent / key_of(*contents, *(path.name for path in source.files), text_of(libraries))
     with toolchain.locked(folder):
@@ -189,10 +197,10 @@ def _with_library(measured: Measured, source: Source, period: float) -> Measured
             )
             if tools.path_of(timing.PROGRAM) is None:
                 return measured
-            times = [period * options.access, period * options.setup] if generic.memories else []
+            times = [period * options.access, period * options.setup] if kept_out else []
             extra = "memories.lib" if times else None
             if times:
-                (folder / "memories.lib").write_text(memories.liberty(generic.memories, *times), encoding="utf-8")
+                (folder / "memories.lib").write_text(memories.liberty(kept_out, *times), encoding="utf-8")
             key = key_of(str(period), *map(str, times), text_of(timing), tools.version(timing.PROGRAM))
             made, taken = kept(
                 folder / f"timing-{key}.json",

@@ -11,16 +11,12 @@ from golden_model.outputs import whole_folder
 from lightloom.console import json_text, print_table
 from lightloom.synthesis import Measured
 
-GENERIC = {
-    "unit": "unit",
-    "preset": "preset",
-    "gates": "gates",
-    "logic_gates": "logic alone",
-    "flip_flops": "flip-flops",
-    "memory_bits": "memory bits",
-}
+UNIT = {"unit": "unit", "preset": "preset"}
+MADE_OF = {"flip_flops": "flip-flops", "memory_bits": "memory bits"}
+GATES = {**UNIT, "gates": "gates", "logic_gates": "logic alone", **MADE_OF}
 MAPPED = {
-    **GENERIC,
+    **UNIT,
+    **MADE_OF,
     "cells": "cells",
     "area_um2": "area µm²",
     "fmax_mhz": "MHz",
@@ -45,7 +41,7 @@ def print_tables(report: dict[str, Any], modules: bool, with_library: bool) -> N
     title = f"Synthesis, {rows[0]['library']}" if with_library else "Synthesis, two-input-gate equivalents"
     if with_library and rows[0]["clock_ns"] is not None:
         title += f", {rows[0]['clock_ns']:g} ns asked for, before layout"
-    columns = MAPPED if with_library else GENERIC
+    columns = MAPPED if with_library else GATES
     print_table(title, list(columns.values()), [[row[key] for key in columns] for row in rows])
     if modules:
         _print("Area by module, in gates, each synthesised on its own", report["modules"], MODULES)

@@ -58,13 +58,14 @@ def twelve(folder: Path) -> libraries.Library:
 
 
 def test_gates_are_counted_with_and_without_flip_flops(tmp_path: Path) -> None:
-    found = synthesis.generic(ADDER, "pair", tmp_path, 256)
+    found = synthesis.elaborate(ADDER, "pair", tmp_path, 256)
+    gates = synthesis.count(tmp_path, "pair")
     assert found.flip_flops == 3
     assert found.memories == ()
     # An exclusive or is four NANDs; a flip-flop is four gates, its enable a multiplexer besides.
-    assert 2 * 3 <= found.logic_gates <= 2 * 4 + 1
-    assert found.gates >= found.logic_gates + 3 * 4
-    assert synthesis.Generic.from_json(found.as_json()) == found
+    assert 2 * 3 <= gates.logic <= 2 * 4 + 1
+    assert gates.everything >= gates.logic + 3 * 4
+    assert synthesis.Elaborated.from_json(found.as_json()) == found
 
 
 def test_parts_are_modules_with_their_instances(tmp_path: Path) -> None:
@@ -75,11 +76,11 @@ def test_parts_are_modules_with_their_instances(tmp_path: Path) -> None:
 
 @needs_sta
 def test_a_path_is_told_in_the_names_of_the_verilog(tmp_path: Path) -> None:
-    generic = tmp_path / "generic"
-    generic.mkdir()
-    synthesis.generic(ADDER, "pair", generic, 256)
+    elaborated = tmp_path / "elaborated"
+    elaborated.mkdir()
+    synthesis.elaborate(ADDER, "pair", elaborated, 256)
     library = twelve(tmp_path)
-    mapped = synthesis.mapped(tmp_path, generic, library, "pair")
+    mapped = synthesis.mapped(tmp_path, elaborated, library, "pair")
     assert mapped.cells > 3
     assert mapped.area > mapped.flip_flop_area == 3 * 6
     found = timing.analyse(tmp_path, library, "pair", 5)
@@ -112,7 +113,7 @@ def test_report_that_cannot_be_used(text: str) -> None:
 
 
 def test_memory_is_kept_out(tmp_path: Path) -> None:
-    found = synthesis.generic(RAM, "ram", tmp_path, 128)
+    found = synthesis.elaborate(RAM, "ram", tmp_path, 128)
     (memory,) = found.memories
     assert (memory.depth, memory.width, memory.reads, memory.writes, memory.bits) == (16, 8, 2, 1, 128)
     assert memory.name == "words"
@@ -121,7 +122,7 @@ def test_memory_is_kept_out(tmp_path: Path) -> None:
 
 
 def test_small_memory_becomes_flip_flops(tmp_path: Path) -> None:
-    found = synthesis.generic(RAM, "ram", tmp_path, 129)
+    found = synthesis.elaborate(RAM, "ram", tmp_path, 129)
     assert found.memories == ()
     assert found.flip_flops >= 128 + 16
 
@@ -167,7 +168,7 @@ endmodule
 
 @needs_icarus
 def test_bypass_around_a_memory_does_what_the_verilog_says(tmp_path: Path) -> None:
-    synthesis.generic(RAM, "ram", tmp_path, 128)
+    synthesis.elaborate(RAM, "ram", tmp_path, 128)
     tools.yosys("read_rtlil gates.il\nwrite_verilog -noattr gates.v\n", tmp_path)
     (tmp_path / "model.v").write_text(MODEL + RAM.replace("module ram(", "module original(") + BENCH)
     command = ["iverilog", "-g2001", "-s", "bench", "-o", "bench.vvp", "gates.v", "model.v"]
@@ -178,11 +179,11 @@ def test_bypass_around_a_memory_does_what_the_verilog_says(tmp_path: Path) -> No
 
 @needs_sta
 def test_access_time_of_a_memory_counts(tmp_path: Path) -> None:
-    generic = tmp_path / "generic"
-    generic.mkdir()
-    found = synthesis.generic(RAM, "ram", generic, 128)
+    elaborated = tmp_path / "elaborated"
+    elaborated.mkdir()
+    found = synthesis.elaborate(RAM, "ram", elaborated, 128)
     library = twelve(tmp_path)
-    synthesis.mapped(tmp_path, generic, library, "ram")
+    synthesis.mapped(tmp_path, elaborated, library, "ram")
     slacks = []
     for access in (0.5, 3.0):
         (tmp_path / "memories.lib").write_text(memories.liberty(found.memories, access, 0.1))
