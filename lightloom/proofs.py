@@ -81,12 +81,14 @@ def mutation_table(names: Sequence[str], jobs: int) -> Table:
     chosen = chosen or list(mutations.MUTATIONS.values())
     with Progress() as progress, progress.stage("faults", len(chosen)) as advance:
         caught = mutations.run(chosen, jobs, done=lambda one: advance(1))
-    survivors = [row["fault"] for row in caught if row["caught by"] == ""]
-    after = [f"{len(caught) - len(survivors)} of {len(caught)} caught in {progress.seconds['faults']:.0f} s"]
+    survivors = [row["fault"] for row in caught if not row["caught by"] and not row["equivalent"]]
+    explained = [f"{row['fault']}: cannot be seen: {row['equivalent']}" for row in caught if row["equivalent"]]
+    noticed = sum(bool(row["caught by"]) for row in caught)
+    after = [f"{noticed} of {len(caught)} caught in {progress.seconds['faults']:.0f} s"]
     return Table(
         title="Seeded faults",
         columns=["fault", "file", "what is wrong", "caught by", "seconds"],
         rows=caught,
         good=not survivors,
-        after=after + [f"not caught: {name}" for name in survivors],
+        after=[*after, *explained, *(f"not caught: {name}" for name in survivors)],
     )

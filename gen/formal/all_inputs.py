@@ -2,12 +2,13 @@
 
 import json
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 from amaranth.back import rtlil
 from amaranth.hdl import Fragment, Signal, Value
+from amaranth.lib import data, wiring
 
 from gen import tools
 from rtl.pipeline import Core
@@ -27,21 +28,20 @@ write_json top.json
 
 
 class Gates:
-    """A combinational core as gates.
+    """A component without state, as gates.
 
-    Attributes: `inputs`, `outputs`: widths of its fields by name, in order. Raises InputError where Yosys is missing.
+    Attributes: `inputs`, `outputs`: widths of its ports by name, in order. Raises InputError where Yosys is missing.
     """
 
-    def __init__(self, core: Core):
-        fields_in, fields_out = list(_fields(core, "i")), list(_fields(core, "o"))
-        self.inputs = {name: len(value) for name, value in fields_in}
-        self.outputs = {name: len(value) for name, value in fields_out}
+    def __init__(self, component: wiring.Component, inputs: Mapping[str, Value], outputs: Mapping[str, Value]):
+        self.inputs = {name: len(value) for name, value in inputs.items()}
+        self.outputs = {name: len(value) for name, value in outputs.items()}
         ports: dict[str, Signal] = {}
-        fragment = Fragment.get(core, None)
-        for name, value in fields_in:
+        fragment = Fragment.get(component, None)
+        for name, value in inputs.items():
             ports[f"i_{name}"] = port = Signal(len(value), name=f"i_{name}")
             fragment.add_statements("comb", value.eq(port))
-        for name, value in fields_out:
+        for name, value in outputs.items():
             ports[f"o_{name}"] = port = Signal(len(value), name=f"o_{name}")
             fragment.add_statements("comb", port.eq(value))
         text, _ = rtlil.convert_fragment(fragment, {name: (port, None) for name, port in ports.items()}, "top")
@@ -53,36 +53,51 @@ class Gates:
         self._ports = {name: port["bits"] for name, port in module["ports"].items()}
         self._gates = _in_order(list(module["cells"].values()), known={"0", "1", *self._bits("i_")})
 
+    @classmethod
+    def of_core(cls, core: Core) -> "Gates":
+        """A core of depth 0, by the fields of its operands and results."""
+        return cls(core, dict(_fields(core.i)), dict(_fields(core.o)))
+
     def _bits(self, prefix: str) -> list[int]:
         return [bit for name, bits in self._ports.items() if name.startswith(prefix) for bit in bits]
 
-    def run(self) -> Iterator[tuple[dict[str, np.ndarray], dict[str, np.ndarray]]]:
-        """All inputs, in chunks: operands and results by field name, as unsigned integers."""
-        total = sum(self.inputs.values())
+    def run(
+        self, *, free: Mapping[str, int] | None = None, fixed: Mapping[str, int] | None = None
+    ) -> Iterator[tuple[dict[str, np.ndarray], dict[str, np.ndarray]]]:
+        """All inputs, in chunks: operands and results by name, as int64.
+
+        `free`: how many of an input's low bits take all values, where it is not all of them; `fixed` gives the others.
+        """
+        free, fixed = self.inputs | dict(free or {}), fixed or {}
+        total = sum(free.values())
         low = min(total, CHUNK_BITS)
         ones = (1 << (1 << low)) - 1
         patterns = [_alternating(bit, low) for bit in range(low)]
         for chunk in range(1 << (total - low)):
-            wires: dict[int | str, int] = {"0": 0, "1": ones, "x": 0}
+            wires: dict[Wire, int] = {"0": 0, "1": ones, "x": 0}
             operands, place = {}, 0
-            numbers = np.arange(1 << low, dtype=np.uint64) + np.uint64(chunk << low)
-            for name, width in self.inputs.items():
-                operands[name] = numbers >> np.uint64(place) & np.uint64((1 << width) - 1)
-                for bit in self._ports[f"i_{name}"]:
-                    fixed = ones if place >= low and chunk >> (place - low) & 1 else 0
-                    wires[bit] = patterns[place] if place < low else fixed
+            numbers = np.arange(1 << low) + (chunk << low)
+            for name, width in free.items():
+                rest = fixed.get(name, 0) >> width << width
+                operands[name] = (numbers >> place & (1 << width) - 1) | rest
+                for k, bit in enumerate(self._ports[f"i_{name}"]):
+                    if k >= width:
+                        wires[bit] = ones if rest >> k & 1 else 0
+                        continue
+                    high = ones if place >= low and chunk >> (place - low) & 1 else 0
+                    wires[bit] = patterns[place] if place < low else high
                     place += 1
             for kind, output, a, b, select in self._gates:
                 wires[output] = _GATES[kind](wires[a], wires[b], wires[select], ones)
-            results = {}
-            for name in self.outputs:
-                total_bits = np.zeros(1 << low, dtype=np.uint64)
-                for place_out, bit in enumerate(self._ports[f"o_{name}"]):
-                    packed = np.frombuffer(wires[bit].to_bytes(max(1, (1 << low) // 8), "little"), np.uint8)
-                    column = np.unpackbits(packed, bitorder="little", count=1 << low)
-                    total_bits |= column.astype(np.uint64) << np.uint64(place_out)
-                results[name] = total_bits
-            yield operands, results
+            yield operands, {name: self._numbers(f"o_{name}", wires, low) for name in self.outputs}
+
+    def _numbers(self, port: str, wires: Mapping["Wire", int], low: int) -> np.ndarray:
+        """What the wires of a port say, input by input."""
+        out = np.zeros(1 << low, np.int64)
+        for place, bit in enumerate(self._ports[port]):
+            packed = np.frombuffer(wires[bit].to_bytes(max(1, (1 << low) // 8), "little"), np.uint8)
+            out |= np.unpackbits(packed, bitorder="little", count=1 << low).astype(np.int64) << place
+        return out
 
 
 # Yosys's gates: operands a and b, select (of a multiplexer, which takes b), all ones.
@@ -139,7 +154,6 @@ def _alternating(bit: int, low: int) -> int:
     return pattern
 
 
-def _fields(core: Core, side: str) -> Iterator[tuple[str, Value]]:
-    view = getattr(core, side)
+def _fields(view: data.View) -> Iterator[tuple[str, Value]]:
     for name, _ in view.shape():
         yield name, Value.cast(view[name])

@@ -57,21 +57,21 @@ def addresses(count: int) -> Bench:
         bench.assume(who < count)
         waits = Signal()
         passed, distance, last = Signal(range(count + 2)), Signal(range(count)), Signal(range(count))
-        later = bench.inner("later")
+        above = bench.inner("asker_above")
         m.d.comb += waits.eq(Array(master.arvalid & ~master.arready for master in masters)[who])
         with m.If(~waits):
             m.d.sync += passed.eq(0)
         with m.Elif(takes.any()):
             m.d.sync += passed.eq(passed + 1)
-        ones = sum((bit for bit in later), start=Value.cast(0))
+        ones = sum((bit for bit in above), start=Value.cast(0))
         m.d.comb += [
             last.eq(count - 1 - ones),
             distance.eq(Mux(who > last, who - last - 1, who + count - last - 1)),
         ]
         bench.require("turn", passed < count)
         bench.require("nearer_each_time", passed + distance < count)
-        above = [later == (((1 << count) - 1) << k) & ((1 << count) - 1) for k in range(1, count + 1)]
-        bench.require("later_is_a_range", reduce(or_, above))
+        ranges = [above == (((1 << count) - 1) << k) & ((1 << count) - 1) for k in range(1, count + 1)]
+        bench.require("above_is_a_range", reduce(or_, ranges))
     return bench
 
 

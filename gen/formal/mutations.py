@@ -39,6 +39,8 @@ class Mutation:
     """What is wrong then, in a few words."""
     checks: tuple[str, ...]
     """What has to catch it: properties as UNIT/NAME, tests as tests/FILE.py::NAME."""
+    equivalent: str = ""
+    """Why nothing can catch it, where that is so."""
 
 
 def run(
@@ -79,6 +81,7 @@ def _row(one: Mutation) -> dict[str, Any]:
         "what is wrong": one.what,
         "checks": ", ".join(one.checks),
         "caught by": ", ".join(caught),
+        "equivalent": one.equivalent,
         "seconds": round(time.perf_counter() - started, 1),
     }
 
@@ -232,7 +235,16 @@ _MUTATIONS = (
         file=FILL,
         old="Mux(after & ~last, chosen, 0)",
         new="Mux(after, chosen, 0)",
-        what="a miss does not begin at the first part again",
+        what="the number of the next beat is not cleared with the last one",
+        checks=("block_fill/beats-128",),
+        equivalent="blocks come whole: after the last beat the number wraps to zero by itself",
+    ),
+    Mutation(
+        name="error-stays",
+        file=FILL,
+        old="Mux(self.error & ~last, chosen, 0)",
+        new="Mux(self.error, chosen, 0)",
+        what="the next block of a miss that failed fails too",
         checks=("block_fill/beats-128",),
     ),
     Mutation(

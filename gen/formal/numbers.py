@@ -26,20 +26,20 @@ def tables(operator: str, number: SmallFormat) -> Callable[[Operands], Operands]
     """What exact arithmetic says of arrays of operands: looked up, because there are few different ones."""
     every = range(1 << number.bits)
     if operator == "float_sqrt":
-        roots = np.array([number.sqrt(a) for a in every], np.uint64)
+        roots = np.array([number.sqrt(a) for a in every], np.int64)
         return lambda i: {"z": roots[i["a"]]}
     if operator == "float_compare":
-        orders = np.array([[number.compare(a, b) for b in every] for a in every], np.uint64)
+        orders = np.array([[number.compare(a, b) for b in every] for a in every], np.int64)
         names = ("less", "equal", "greater", "unordered")
         return lambda i: {name: orders[i["a"], i["b"], k] for k, name in enumerate(names)}
     if operator == "float_difference_of_products":
         return partial(_difference, number, *_products(number))
     if operator in ("float_multiply", "float_divide"):
         pair = number.multiply if operator == "float_multiply" else number.divide
-        results = np.array([[pair(a, b) for b in every] for a in every], np.uint64)
+        results = np.array([[pair(a, b) for b in every] for a in every], np.int64)
         return lambda i: {"z": results[i["a"], i["b"]]}
     third, function = {"float_add": ("subtract", number.add), "float_minmax": ("maximum", number.minmax)}[operator]
-    choices = np.array([[[function(a, b, c) for b in every] for a in every] for c in (0, 1)], np.uint64)
+    choices = np.array([[[function(a, b, c) for b in every] for a in every] for c in (0, 1)], np.int64)
     return lambda i: {"z": choices[i[third], i["a"], i["b"]]}
 
 
@@ -62,7 +62,7 @@ def _difference(number: SmallFormat, which: np.ndarray, pairs: list[tuple[int, i
     keys = which[i["a"], i["b"]] * len(pairs) + which[i["c"], i["d"]]
     wanted, where = np.unique(keys, return_inverse=True)
     results = [_of_pairs(number, *pairs[key // len(pairs)], *pairs[key % len(pairs)]) for key in wanted.tolist()]
-    return {"z": np.array(results, np.uint64)[where]}
+    return {"z": np.array(results, np.int64)[where]}
 
 
 @lru_cache(maxsize=1 << 20)
@@ -74,8 +74,8 @@ def every_input(make: Callable[[int, FloatFormat], Core], number: SmallFormat) -
     """Tries all operands; returns the first that give a wrong result, or nothing."""
     core = make(0, FloatFormat(number.exponent, number.fraction))
     expected = tables(core.unit.name, number)
-    for operands, results in Gates(core).run():
-        wanted = expected({name: values.astype(np.int64) for name, values in operands.items()})
+    for operands, results in Gates.of_core(core).run():
+        wanted = expected(operands)
         for name, values in wanted.items():
             wrong = np.flatnonzero(values != results[name])
             if len(wrong):
@@ -87,7 +87,7 @@ def every_input(make: Callable[[int, FloatFormat], Core], number: SmallFormat) -
 
 def halves() -> str:
     """Every binary16 number."""
-    for operands, results in Gates(HalfToFloat(0)).run():
+    for operands, results in Gates.of_core(HalfToFloat(0)).run():
         values = operands["a"].astype(np.uint16).view(np.float16).astype(np.float32)
         expected = np.where(np.isnan(values), np.uint32(0x7FC00000), values.view(np.uint32))
         wrong = np.flatnonzero(expected != results["z"])

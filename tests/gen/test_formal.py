@@ -137,7 +137,7 @@ def test_reference_of_the_difference_of_products_rounds_once() -> None:
 
 
 def test_all_inputs_are_tried() -> None:
-    gates = Gates(FloatMultiply(0, FloatFormat(2, 2)))
+    gates = Gates.of_core(FloatMultiply(0, FloatFormat(2, 2)))
     (operands, results) = next(iter(gates.run()))
     assert gates.inputs == {"a": 5, "b": 5}
     assert sorted(zip(operands["a"], operands["b"], strict=True)) == [(a, b) for a in range(32) for b in range(32)]
