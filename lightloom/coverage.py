@@ -23,7 +23,7 @@ from verif.unit_vectors import many_vectors, unit_vectors
 
 SEED = 2024
 PRESET = "base"
-OPERANDS = 8000
+OPERANDS = 4000
 """Of each test of a unit's bench."""
 MANY = 200_000
 """Random ones of the bulk run that the bins are filled from."""
@@ -146,7 +146,7 @@ def _possible(unit: str, bins: Groups) -> Groups:
 
     It stops as a whole, so its input is held exactly while its output is, and nothing moves then.
     """
-    if CATALOGUE[unit](PRESETS[PRESET]).initiation_interval != 1:  # type: ignore[attr-defined]
+    if CATALOGUE[unit](PRESETS[PRESET]).initiation_interval != 1:
         return bins
     never = ("held, idle", "held, moves", "moves, held")
     both = {name: count for name, count in bins["input and output"].items() if name not in never}

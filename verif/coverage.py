@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +49,7 @@ def together(parts: Iterable[Mapping[str, Mapping[str, int]]]) -> Groups:
     return out
 
 
-def cases(**masks: np.ndarray) -> dict[str, int]:
+def cases(**masks: Any) -> dict[str, int]:
     """A group out of masks (N,): how many hold. An underscore in a name stands for a space."""
     return {name.replace("_", " "): int(np.count_nonzero(mask)) for name, mask in masks.items()}
 

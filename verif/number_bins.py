@@ -39,7 +39,7 @@ def classes(x: np.ndarray) -> Masks:
 def signed(x: np.ndarray) -> dict[str, int]:
     """Classes of both signs; a NaN has none."""
     negative = np.signbit(x)
-    out = {}
+    out: dict[str, int] = {}
     for name, mask in classes(x).items():
         if name != "NaN":
             out |= {f"+{name}": int((mask & ~negative).sum()), f"-{name}": int((mask & negative).sum())}

@@ -33,7 +33,7 @@ def octants(backwards: np.ndarray) -> dict[str, int]:
 
 def any_of(x: np.ndarray, name: str) -> np.ndarray:
     """Which records have a component (N, 3) of a class."""
-    return classes(x)[name].any(axis=1)
+    return np.asarray(classes(x)[name].any(axis=1))
 
 
 @quiet
