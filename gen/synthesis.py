@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from gen import libraries, tools
+from gen.fanout import buffer_of, buffered
 from gen.libraries import Library
 from gen.memories import Memory, cut_out
 
@@ -159,7 +160,10 @@ def parts(verilog: str, top: str, folder: Path, memory_bits: int) -> list[Part]:
 
 
 def mapped(folder: Path, elaborated: Path, library: Library, top: str) -> Mapped:
-    """Maps gates.il of the folder `elaborated` to cells; writes mapped.v into `folder`, where the library's files are."""
+    """Maps gates.il of the folder `elaborated` to cells, and writes mapped.v into `folder`.
+
+    The library's files are in `folder` already.
+    """
     (folder / "gates.il").write_bytes((elaborated / "gates.il").read_bytes())
     (folder / "mapping.abc").write_text(MAPPING)
     sequential, gates = libraries.sequential(library), libraries.combinational(library)
@@ -172,12 +176,21 @@ splitnets
 rename -wire -suffix _reg t:$_* %n
 abc {_liberties(gates)} -script mapping.abc
 opt_clean -purge
-tee -q -o mapped.json stat -json {_liberties(library.file_names)}
-write_verilog -noattr -noexpr -simple-lhs mapped.v
+write_json netlist.json
 """
     tools.yosys(script, folder, "mapping")
+    netlist = folder / "netlist.json"
+    design = json.loads(netlist.read_text(encoding="utf-8"))
+    buffered(design, top, buffer_of(library, design, top))
+    netlist.write_text(json.dumps(design), encoding="utf-8")
+    script = f"""read_json netlist.json
+tee -q -o cells.json stat -json -top {top} {_liberties(library.file_names)}
+write_verilog -noattr -noexpr -simple-lhs mapped.v
+"""
+    tools.yosys(script, folder, "netlist")
     (folder / "gates.il").unlink()
-    found = _stat(folder / "mapped.json")["modules"][f"\\{top}"]
+    netlist.unlink()
+    found = _stat(folder / "cells.json")["modules"][f"\\{top}"]
     # Macros stand beside the cells; they have no area in any of the files.
     macros = sum(n for cell, n in found["num_cells_by_type"].items() if cell.startswith("ram_"))
     return Mapped(found["num_cells"] - macros, found["area"], found["sequential_area"])

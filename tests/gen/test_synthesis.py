@@ -89,6 +89,29 @@ def test_a_path_is_told_in_the_names_of_the_verilog(tmp_path: Path) -> None:
     assert found.fmax == pytest.approx(1000 / (5 - found.slack))
 
 
+MANY = """
+module many(clk, a, b, y);
+  input clk, a;
+  input [299:0] b;
+  output [299:0] y;
+  reg r;
+  reg [299:0] y;
+  always @(posedge clk) begin r <= a; y <= b & {300{r}}; end
+endmodule
+"""
+
+
+def test_what_a_flip_flop_drives_is_buffered(tmp_path: Path) -> None:
+    elaborated = tmp_path / "elaborated"
+    elaborated.mkdir()
+    synthesis.elaborate(MANY, "many", elaborated, 256)
+    found = synthesis.mapped(tmp_path, elaborated, twelve(tmp_path), "many")
+    netlist = (tmp_path / "mapped.v").read_text()
+    # 300 gates behind 19 buffers, those behind two.
+    assert netlist.count("BUF fanout_") == 19 + 2
+    assert found.cells == 301 + 300 + 21
+
+
 REPORT = """\
 tns -1.5000
 Startpoint: core.a[3]_reg (rising edge-triggered flip-flop clocked by clk)
