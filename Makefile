@@ -10,7 +10,7 @@ DRAGON  := build/meshes/dragon.ply
 WORKERS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help setup simulators meshes demo test lint test-long test-operators coverage bench emit clean distclean
+.PHONY: help setup simulators meshes demo test lint test-long test-operators coverage bench results emit clean distclean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -57,6 +57,10 @@ coverage: setup ## what the benches reach of the Verilog: branches, edges, bins 
 
 bench: setup ## measure: vectors a second, rays a second, emission time
 	$(BIN)/lightloom bench
+
+results: setup ## measure what docs/results.md shows, with the PDKs below PDK_ROOT (hours; goes on where it was)
+	$(BIN)/python -m lightloom.results --pdk-root $(PDK_ROOT)
+	$(BIN)/python -m lightloom.results_page build/results/*.json > docs/results.md
 
 emit: $(READY) ## Verilog and manifests of every unit into build/verilog/
 	$(BIN)/lightloom emit --out build/verilog
