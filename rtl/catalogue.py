@@ -33,8 +33,10 @@ def _stream(core: Callable[[Config], Core]) -> Callable[[Config], StreamUnit]:
 
 CATALOGUE: dict[str, Callable[[Config], wiring.Component]] = {
     "float_add": _stream(lambda c: FloatAdd(c.add_depth)),
-    "float_multiply": _stream(lambda c: FloatMultiply(c.multiply_depth)),
-    "float_difference_of_products": _stream(lambda c: FloatDifferenceOfProducts(c.difference_of_products_depth)),
+    "float_multiply": _stream(lambda c: FloatMultiply(c.multiply_depth, blocks=c.multiplier_blocks)),
+    "float_difference_of_products": _stream(
+        lambda c: FloatDifferenceOfProducts(c.difference_of_products_depth, blocks=c.multiplier_blocks)
+    ),
     "float_divide": _stream(lambda c: FloatDivide(c.divide_depth)),
     "float_sqrt": _stream(lambda c: FloatSqrt(c.sqrt_depth)),
     "float_compare": _stream(lambda c: FloatCompare(c.compare_depth)),

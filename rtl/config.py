@@ -9,15 +9,19 @@ class Config:
 
     tag_width: int = 8
     """Bits of the tag that travels with each operation, 1 to 32."""
-    add_depth: int = 3
+    add_depth: int = 2
     """float_add, 0 to 6."""
-    multiply_depth: int = 3
+    multiply_depth: int = 2
     """float_multiply, 0 to 4."""
-    difference_of_products_depth: int = 5
-    """float_difference_of_products, 0 to 7."""
-    divide_depth: int = 15
-    """float_divide, also inside ray_setup and ray_triangle, 0 to 28: a bit of the quotient a step."""
-    sqrt_depth: int = 14
+    difference_of_products_depth: int = 4
+    """float_difference_of_products, 0 to 8."""
+    multiplier_blocks: bool = False
+    """Products of float32 numbers written for an FPGA's multiplier blocks, not as adders."""
+    divide_depth: int = 10
+    """float_divide, also inside ray_setup, 0 to 28: a bit of the quotient a step."""
+    reciprocal_depth: int = 7
+    """The reciprocal inside ray_triangle, 0 to 13: 1, 2, 3, 6 or 12 digits of two bits a stage, and a stage to round."""
+    sqrt_depth: int = 9
     """float_sqrt, 0 to 27: a bit of the root a step."""
     compare_depth: int = 1
     """float_compare and float_minmax, 0 to 1."""
@@ -25,8 +29,10 @@ class Config:
     """float_to_half, half_to_float, float_to_fixed and fixed_to_float, 0 to 2."""
     width: int = 8
     """Boxes that a node test has testers for, 4 or 8: the greatest number of children of a node."""
-    node_test_depth: int = 6
-    """node_test, 0 to 16."""
+    node_test_depth: int = 7
+    """node_test, 0 to 15."""
+    triangle_interval: int = 1
+    """Cycles from one triangle test of a traversal unit to the next: 1 (`ray_triangle`) or 2 (`ray_triangle_half`)."""
     contexts: int = 64
     """Rays that a traversal unit has in flight, a power of two, 4 to 256."""
     stack: int = 24
@@ -59,11 +65,14 @@ PRESETS: dict[str, Config] = {
         add_depth=1,
         multiply_depth=1,
         difference_of_products_depth=2,
+        multiplier_blocks=True,
         divide_depth=7,
+        reciprocal_depth=5,
         sqrt_depth=6,
         compare_depth=1,
         convert_depth=1,
         node_test_depth=3,
+        triangle_interval=2,
         contexts=16,
         stack=16,
         overlap=2,
@@ -80,7 +89,7 @@ PRESETS: dict[str, Config] = {
         tag_width=16,
         add_depth=6,
         multiply_depth=4,
-        difference_of_products_depth=7,
+        difference_of_products_depth=8,
         divide_depth=28,
         sqrt_depth=27,
         compare_depth=1,

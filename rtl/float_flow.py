@@ -29,10 +29,12 @@ class FloatFlow:
         return self._flow.apply(name, FloatAdd(self._config.add_depth), a=a, b=b, subtract=1)["z"]
 
     def multiply(self, name: str, a: Node, b: Node) -> Node:
-        return self._flow.apply(name, FloatMultiply(self._config.multiply_depth), a=a, b=b)["z"]
+        core = FloatMultiply(self._config.multiply_depth, blocks=self._config.multiplier_blocks)
+        return self._flow.apply(name, core, a=a, b=b)["z"]
 
     def difference_of_products(self, name: str, a: Node, b: Node, c: Node | int, d: Node | int) -> Node:
-        core = FloatDifferenceOfProducts(self._config.difference_of_products_depth)
+        depth, blocks = self._config.difference_of_products_depth, self._config.multiplier_blocks
+        core = FloatDifferenceOfProducts(depth, blocks=blocks)
         return self._flow.apply(name, core, a=a, b=b, c=c, d=d)["z"]
 
     def reciprocal(self, name: str, a: Node) -> Node:

@@ -60,9 +60,13 @@ class StepCore(Core):
     def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
         raise NotImplementedError
 
+    def chain(self) -> list[tuple[Step, int]]:
+        """The steps of this core; one with more parameters than a format says which."""
+        return self.steps(self.format)
+
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        steps = self.steps(self.format)
+        steps = self.chain()
         cuts = balanced_cuts([delay for _, delay in steps], self.latency)
         values: Mapping[str, Any] = {name: getattr(self.i, name) for name in self.unit.input.names or ()}
         for index, (step, _) in enumerate(steps):

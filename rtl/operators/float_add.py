@@ -48,16 +48,20 @@ def order(m: Module, f: FloatFormat, *, a: Value, b: Value, subtract: Value) -> 
     }
 
 
-def align(m: Module, f: FloatFormat, *, smaller: Value, distance: Value, **rest: Any) -> dict[str, Any]:
-    """Three bits below the significand (guard, round, sticky) are enough to round correctly."""
+def align(m: Module, f: FloatFormat, *, smaller: Value, distance: Value, differ: Value, **rest: Any) -> dict[str, Any]:
+    """Three bits below the significand (guard, round, sticky) are enough to round correctly.
+
+    All are inverted where the smaller operand is to be subtracted.
+    """
     shifted, lost = shift_right(m, Cat(Const(0, 2), smaller), distance, "align")
-    return {"smaller": Cat(lost, shifted), **rest}
+    aligned = Cat(lost, shifted)
+    return {"addend": aligned ^ differ.replicate(len(aligned)), "differ": differ, **rest}
 
 
-def add(m: Module, f: FloatFormat, *, greater: Value, smaller: Value, differ: Value, **rest: Any) -> dict[str, Any]:
-    width = f.precision + 3
+def add(m: Module, f: FloatFormat, *, greater: Value, addend: Value, differ: Value, **rest: Any) -> dict[str, Any]:
+    width = len(addend)
     raw = Signal(width + 1)
-    m.d.comb += raw.eq(add_with_carry(Cat(Const(0, 3), greater), smaller ^ differ.replicate(width), differ))
+    m.d.comb += raw.eq(add_with_carry(Cat(Const(0, 3), greater), addend, differ))
     # A difference always carries out, for it is not negative.
     return {"total": Cat(raw[:width], raw[width] & ~differ), "differ": differ, **rest}
 

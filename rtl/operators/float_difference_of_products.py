@@ -10,18 +10,19 @@ sticky bit keep that exact enough:
   fell out matters only as the sticky bit.
 """
 
+from functools import partial
 from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
 from rtl.operators import product
-from rtl.operators.fields import FloatFormat, add_with_carry, unpack
+from rtl.operators.fields import FLOAT32, FloatFormat, add_with_carry, unpack
 from rtl.operators.float_add import count, round_sum
 from rtl.operators.shifts import shift_left, shift_right
 from rtl.pipeline import Step, StepCore
 
 
-def classify(m: Module, f: FloatFormat, *, a: Value, b: Value, c: Value, d: Value) -> dict[str, Any]:
+def classify(m: Module, f: FloatFormat, *, blocks: bool, a: Value, b: Value, c: Value, d: Value) -> dict[str, Any]:
     """The factors of both products, p = a*b and q = -c*d, and what is known of the products without forming them."""
     x, y, z, w = unpack(m, f, a, "x"), unpack(m, f, b, "y"), unpack(m, f, c, "z"), unpack(m, f, d, "w")
     p_zero, q_zero = x.zero | y.zero, z.zero | w.zero
@@ -43,10 +44,10 @@ def classify(m: Module, f: FloatFormat, *, a: Value, b: Value, c: Value, d: Valu
     ]
     return {
         "x": x.significand,
-        "triple_x": product.triple(m, x.significand, "triple_x"),
+        "triple_x": Const(0, 0) if blocks else product.triple(m, x.significand, "triple_x"),
         "y": y.significand & ~p_zero.replicate(f.precision),
         "z": z.significand,
-        "triple_z": product.triple(m, z.significand, "triple_z"),
+        "triple_z": Const(0, 0) if blocks else product.triple(m, z.significand, "triple_z"),
         "w": w.significand & ~q_zero.replicate(f.precision),
         "p_exponent": p_exponent,
         "q_exponent": q_exponent,
@@ -67,6 +68,7 @@ def multiply(
     m: Module,
     f: FloatFormat,
     *,
+    blocks: bool,
     x: Value,
     triple_x: Value,
     y: Value,
@@ -80,8 +82,12 @@ def multiply(
     **rest: Any,
 ) -> dict[str, Any]:
     """Both products, each as two rows, and which has the greater exponent; `sign` becomes that of the greater one."""
-    p_low, p_high = product.product_rows(m, x, triple_x, y, "p")
-    q_low, q_high = product.product_rows(m, z, triple_z, w, "q")
+    if blocks:
+        p_low, p_high = product.block_rows(m, x, y, "p")
+        q_low, q_high = product.block_rows(m, z, w, "q")
+    else:
+        p_low, p_high = product.product_rows(m, x, triple_x, y, "p")
+        q_low, q_high = product.product_rows(m, z, triple_z, w, "q")
     ahead = Signal(f.exponent_bits + 2)
     behind = Signal(f.exponent_bits + 2)
     swap = Signal()
@@ -117,24 +123,26 @@ def add_rows(
     return {"greater": Mux(swap, q, p), "smaller": Mux(swap, p, q), **rest}
 
 
-def align(m: Module, f: FloatFormat, *, smaller: Value, distance: Value, **rest: Any) -> dict[str, Any]:
+def align(m: Module, f: FloatFormat, *, smaller: Value, distance: Value, differ: Value, **rest: Any) -> dict[str, Any]:
+    """The smaller product with the guard, round and sticky bits, all of them inverted where it is to be subtracted."""
     shifted, lost = shift_right(m, Cat(Const(0, 2), smaller), distance, "align")
-    return {"smaller": Cat(lost, shifted), **rest}
+    aligned = Cat(lost, shifted)
+    return {"addend": aligned ^ differ.replicate(len(aligned)), "differ": differ, **rest}
 
 
 def add(
-    m: Module, f: FloatFormat, *, greater: Value, smaller: Value, differ: Value, sign: Value, **rest: Any
+    m: Module, f: FloatFormat, *, greater: Value, addend: Value, differ: Value, sign: Value, **rest: Any
 ) -> dict[str, Any]:
     """The product with the greater exponent may still be the smaller one: both differences, then the positive one."""
-    width = 2 * f.precision + 3  # a product, two exact places below it and the sticky bit
+    width = len(addend)
     forward = Signal(width + 1)
     backward = Signal(width)
     negative = Signal()
     total = Signal(width + 1)
     wide = Cat(Const(0, 3), greater)
     m.d.comb += [
-        forward.eq(add_with_carry(wide, smaller ^ differ.replicate(width), differ)),
-        backward.eq(smaller - wide),
+        forward.eq(add_with_carry(wide, addend, differ)),
+        backward.eq(~(wide + addend)),  # -(wide - smaller), as addend is -smaller - 1
         negative.eq(differ & ~forward[width]),
         # The carry out of a difference is not one of its digits.
         total.eq(Cat(Mux(negative, backward, forward[:width]), forward[width] & ~differ)),
@@ -152,15 +160,19 @@ def normalise(m: Module, f: FloatFormat, *, total: Value, zeros: Value, exponent
 
 
 class FloatDifferenceOfProducts(StepCore):
-    """a*b - c*d with a single rounding, so that its sign is exact; depth 0 to 8."""
+    """a*b - c*d with a single rounding, so that its sign is exact; depth 0 to 8. `blocks` as in `FloatMultiply`."""
 
     unit_name = "float_difference_of_products"
 
+    def __init__(self, depth: int, format: FloatFormat = FLOAT32, *, blocks: bool = False):
+        self.blocks = blocks
+        super().__init__(depth, format)
+
     @classmethod
-    def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
+    def steps(cls, format: FloatFormat, *, blocks: bool = False) -> list[tuple[Step, int]]:
         return [
-            (classify, 14),
-            (multiply, 26),
+            (partial(classify, blocks=blocks), 14),
+            (partial(multiply, blocks=blocks), 26),
             (add_rows, 22),
             (align, 14),
             (add, 20),
@@ -168,3 +180,6 @@ class FloatDifferenceOfProducts(StepCore):
             (normalise, 14),
             (round_sum, 14),
         ]
+
+    def chain(self) -> list[tuple[Step, int]]:
+        return self.steps(self.format, blocks=self.blocks)

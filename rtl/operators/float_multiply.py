@@ -1,21 +1,22 @@
 """a * b."""
 
+from functools import partial
 from typing import Any
 
-from amaranth import Module, Mux, Signal, Value
+from amaranth import Const, Module, Mux, Signal, Value
 
 from rtl.operators import product
-from rtl.operators.fields import FloatFormat, rounded, unpack
+from rtl.operators.fields import FLOAT32, FloatFormat, rounded, unpack
 from rtl.pipeline import Step, StepCore
 
 
-def classify(m: Module, f: FloatFormat, *, a: Value, b: Value) -> dict[str, Any]:
+def classify(m: Module, f: FloatFormat, *, blocks: bool, a: Value, b: Value) -> dict[str, Any]:
     x, y = unpack(m, f, a, "x"), unpack(m, f, b, "y")
     exponent = Signal(f.exponent)
     m.d.comb += exponent.eq(x.exponent + y.exponent - f.bias)
     return {
         "x": x.significand,
-        "triple": product.triple(m, x.significand, "triple"),
+        "triple": Const(0, 0) if blocks else product.triple(m, x.significand, "triple"),
         "y": y.significand,
         "sign": x.sign ^ y.sign,
         "exponent": exponent,
@@ -25,8 +26,10 @@ def classify(m: Module, f: FloatFormat, *, a: Value, b: Value) -> dict[str, Any]
     }
 
 
-def multiply(m: Module, f: FloatFormat, *, x: Value, triple: Value, y: Value, **rest: Any) -> dict[str, Any]:
-    low, high = product.product_rows(m, x, triple, y, "product")
+def multiply(
+    m: Module, f: FloatFormat, *, blocks: bool, x: Value, triple: Value, y: Value, **rest: Any
+) -> dict[str, Any]:
+    low, high = product.block_rows(m, x, y, "product") if blocks else product.product_rows(m, x, triple, y, "product")
     return {"low": low, "high": high, **rest}
 
 
@@ -47,10 +50,22 @@ def round_product(m: Module, f: FloatFormat, *, kept: Value, **rest: Any) -> dic
 
 
 class FloatMultiply(StepCore):
-    """Multiplication; depth 0 to 4."""
+    """Multiplication; depth 0 to 4. With `blocks` the products are written for an FPGA's multiplier blocks."""
 
     unit_name = "float_multiply"
 
+    def __init__(self, depth: int, format: FloatFormat = FLOAT32, *, blocks: bool = False):
+        self.blocks = blocks
+        super().__init__(depth, format)
+
     @classmethod
-    def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
-        return [(classify, 14), (multiply, 26), (add_rows, 20), (round_product, 16)]
+    def steps(cls, format: FloatFormat, *, blocks: bool = False) -> list[tuple[Step, int]]:
+        return [
+            (partial(classify, blocks=blocks), 14),
+            (partial(multiply, blocks=blocks), 26),
+            (add_rows, 20),
+            (round_product, 16),
+        ]
+
+    def chain(self) -> list[tuple[Step, int]]:
+        return self.steps(self.format, blocks=self.blocks)

@@ -32,6 +32,14 @@ def product_rows(m: Module, x: Value, triple_x: Value, y: Value, name: str) -> t
     return sum_rows(m, rows, width, name)
 
 
+def block_rows(m: Module, x: Value, y: Value, name: str) -> tuple[Signal, Signal]:
+    """The same with multipliers, one for either half of y: 24x12 bits in float32, as FPGA blocks take them."""
+    width, half = len(x) + len(y), len(y) // 2
+    low, high = Signal(width, name=f"{name}_low"), Signal(width, name=f"{name}_high")
+    m.d.comb += [low.eq(x * y[:half]), high.eq(Cat(Const(0, half), x * y[half:]))]
+    return low, high
+
+
 def sum_rows(m: Module, rows: list[Value], width: int, name: str) -> tuple[Signal, Signal]:
     """Two rows with the sum of `rows`, modulo 2**width: layers of full adders, three rows to two."""
     layer = 0
