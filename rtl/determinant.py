@@ -12,10 +12,10 @@ from rtl.float_flow import exponent, is_zero
 from rtl.operators.fields import INFINITY
 from rtl.pipeline import stage_cuts
 
-QUOTIENT_BITS = 24
-"""Those after the first one: 23 of the significand and the guard bit."""
-ROWS = (1, 2, 3, 4, 6, 12, 24)
-"""Bits of the quotient that a cycle may find: all cycles find the same number."""
+DIGITS = 12
+"""Of the quotient, two bits each, after its first bit: 23 bits of the significand and the guard bit."""
+DIGITS_A_CYCLE = (1, 2, 3, 6, 12)
+"""All cycles find the same number."""
 
 
 def sum_of_magnitudes(flow: Dataflow, config: Config, name: str, a: Node, b: Node, *, stage: bool = True) -> Node:
@@ -65,42 +65,44 @@ def significand(z: Value) -> Value:
 def reciprocal(flow: Dataflow, config: Config, name: str, x: Node, sign: Node) -> Node:
     """1 / x of 31 bits x, with a sign, rounded to nearest; where it is not usable, only its exponent says so.
 
-    Restoring division of 1 by the significand m in [1, 2), some bits a cycle, and a cycle to round. The quotient lies
+    Restoring division of 1 by the significand m in [1, 2), some digits a cycle, and a cycle to round. The quotient lies
     in (1/2, 1]; for m above 1 its first bit is a one, and it is never a tie, so the guard bit alone decides. For m = 1
     the same steps give nothing but ones, which round to 1.
     """
-    rows = rows_of(config)
-    stage = config.divide_depth > 0
+    cycles = cycles_of(config)
+    stage = config.reciprocal_depth > 0
     divisor = flow.logic(f"{name}_divisor", lambda x: Cat(x[:23], Const(1, 1)), x)
     # Wraps where x is infinite or not a number: to an exponent that is unusable.
     biased = flow.logic(f"{name}_exponent", lambda x: (253 - exponent(x))[:8], x)
-    state = flow.logic(f"{name}_state0", lambda m: Cat(Const(0, 1), (-m)[:24]), divisor, stage=stage)
+    triple = flow.logic(f"{name}_triple", lambda m: (m + (m << 1))[:26], divisor, stage=stage)
+    state = flow.logic(f"{name}_state0", lambda m: (-m)[:24], divisor, stage=stage)
 
-    def bits(state: Value, divisor: Value) -> Value:
-        """The quotient so far above the remainder, which is doubled, to the same with `rows` more bits."""
-        remainder, quotient = state[:25], state[25:]
-        for _ in range(rows):
-            difference = (remainder - divisor)[:26]
-            remainder = Cat(Const(0, 1), Mux(difference[25], remainder[:24], difference[:24]))
-            quotient = Cat(~difference[25], quotient)
+    def digits(state: Value, divisor: Value, triple: Value) -> Value:
+        """The remainder and, above it, the quotient so far, to the same with the digits of a cycle."""
+        remainder, quotient = state[:24], state[24:]
+        for _ in range(DIGITS // cycles):
+            scaled = Cat(Const(0, 2), remainder)
+            once, twice, thrice = ((scaled - multiple)[:27] for multiple in (divisor, divisor << 1, triple))
+            fits = [~difference[26] for difference in (once, twice, thrice)]
+            remainder = Mux(fits[1], Mux(fits[2], thrice, twice), Mux(fits[0], once, scaled))[:24]
+            quotient = Cat(Mux(fits[1], fits[2], fits[0]), fits[1], quotient)
         return Cat(remainder, quotient)
 
-    cycles = QUOTIENT_BITS // rows
     for k in range(cycles // 2):
-        state = flow.twice(f"{name}_state{k + 1}", bits, state, divisor)
-    if cycles % 2:
-        state = flow.logic(f"{name}_state1", bits, state, divisor, stage=stage)
+        state = flow.twice(f"{name}_state{k + 1}", digits, state, divisor, triple)
+    if cycles == 1:
+        state = flow.logic(f"{name}_state1", digits, state, divisor, triple, stage=stage)
 
     def rounded(state: Value, exponent: Value, sign: Value) -> Value:
-        quotient = state[25:]
+        quotient = state[24:]
         return Cat((Cat(quotient[1:], exponent) + quotient[0])[:31], sign)
 
     return flow.logic(name, rounded, state, biased, sign, stage=stage)
 
 
-def rows_of(config: Config) -> int:
-    """Bits of the quotient a cycle: as few as let the reciprocal take `divide_depth` cycles or fewer."""
-    return next(count for count in ROWS if QUOTIENT_BITS // count < max(config.divide_depth, 2))
+def cycles_of(config: Config) -> int:
+    """Cycles in which digits are found: as many as let the reciprocal take `reciprocal_depth` or fewer."""
+    return next(DIGITS // count for count in DIGITS_A_CYCLE if DIGITS // count < max(config.reciprocal_depth, 2))
 
 
 def is_usable(reciprocal: Value) -> Value:

@@ -6,7 +6,7 @@ from golden_model.bitpack import equal
 from golden_model.ray_triangle import ray_triangle
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
-from rtl.determinant import QUOTIENT_BITS, rows_of
+from rtl.determinant import cycles_of
 from tests.rtl.agreement import assert_agrees, bulk_unit
 from verif.ray_vectors import ray_triangle_vectors
 
@@ -43,6 +43,6 @@ def test_results_survive_stalls(unit: str) -> None:
 def test_latency_is_the_longest_path(config: Config) -> None:
     shear = 2 * config.add_depth + config.multiply_depth
     determinant = config.difference_of_products_depth + 2 * min(config.add_depth, 2)
-    reciprocal = QUOTIENT_BITS // rows_of(config) + 1
+    reciprocal = cycles_of(config) + 1
     expected = shear + determinant + reciprocal + config.multiply_depth + config.compare_depth
     assert CATALOGUE["ray_triangle"](config).latency == expected
