@@ -1,11 +1,11 @@
 """Several AXI4 read masters on one port."""
 
-from amaranth import Cat, Const, Module, Mux, Signal
+from amaranth import Cat, Module, Mux, Signal
 from amaranth.lib import data
 from amaranth.lib.wiring import Component, In, Out
 
 from rtl.axi import AxiRead
-from rtl.one_hot import any_of, lowest, number_of
+from rtl.one_hot import any_of, next_of, number_of
 from rtl.queues import Buffer
 
 
@@ -42,16 +42,8 @@ class AxiReadArbiter(Component):
         fields = data.StructLayout({name: len(getattr(port, name)) for name in names})
         m.submodules.addresses = addresses = Buffer(fields)
         asks = Signal(self.count)
-        chosen = Signal(self.count)
-        later = Signal(self.count)
-        m.d.comb += [
-            asks.eq(Cat(master.arvalid for master in masters)),
-            chosen.eq(lowest(Mux((asks & later).any(), asks & later, asks))),
-            addresses.i.valid.eq(asks.any()),
-        ]
-        with m.If(addresses.i.valid & addresses.i.ready):
-            # The masters after the chosen one: minus twice its bit.
-            m.d.sync += later.eq((Const(0, self.count) - (chosen << 1))[: self.count])
+        m.d.comb += [asks.eq(Cat(master.arvalid for master in masters)), addresses.i.valid.eq(asks.any())]
+        chosen = next_of(m, "asker", asks, addresses.i.valid & addresses.i.ready)
         for name in names:
             if name != "arid":
                 each = [Mux(chosen[k], getattr(master, name), 0) for k, master in enumerate(masters)]

@@ -29,7 +29,7 @@ PATIENCE = 7
 
 
 class BlockCache(wiring.Component):
-    """Set-associative, non-blocking; one request and one response a cycle, a hit answered 2 cycles after its request.
+    """Set-associative, non-blocking; one request and one response a cycle, a hit answered 3 cycles after its request.
 
     Ports: `i` {block: number of a block, tag}, `o` {data: the block, tag, error: the memory answered with one, and the
     data means nothing}; `m_axi`, an AXI4 read master; `base`, the byte address of block 0, a multiple of 64;
@@ -89,24 +89,29 @@ class BlockCache(wiring.Component):
         m.submodules.fill = fill = BlockFill(axi=axi, misses=self.misses, line_width=lines.line_width)
         drain = waiters.o
 
-        # --- requests: the one that is looked up, and one behind it that came while it could not move -----------------
+        # --- requests: one to be decided, one whose labels are read, and one that came while they could not move
         valid = Signal()
+        read_valid = Signal()
         kept_valid = Signal()
         done = Signal()
-        moves = Signal()
-        kept = register(m, ~moves & ~kept_valid, self.i.payload, "kept")
+        moves, read_moves = Signal(), Signal()
+        kept = register(m, ~read_moves & ~kept_valid, self.i.payload, "kept")
         incoming = Signal.like(self.i.payload)
         m.d.comb += [
             moves.eq(~valid | done),
+            read_moves.eq(~read_valid | moves),
             self.i.ready.eq(~kept_valid),
             incoming.eq(Mux(kept_valid, kept, Value.cast(self.i.payload))),
         ]
-        with m.If(moves):
-            m.d.sync += [valid.eq(kept_valid | self.i.valid), kept_valid.eq(0)]
+        with m.If(read_moves):
+            m.d.sync += [read_valid.eq(kept_valid | self.i.valid), kept_valid.eq(0)]
         with m.Elif(self.i.valid):
             m.d.sync += kept_valid.eq(1)
-        block = register(m, moves, incoming.block, "block")
-        tag = register(m, moves, incoming.tag, "tag")
+        with m.If(moves):
+            m.d.sync += valid.eq(read_valid)
+        read_block = register(m, read_moves, incoming.block, "read_block")
+        read_tag = register(m, read_moves, incoming.tag, "read_tag")
+        block, tag = register(m, moves, read_block, "block"), register(m, moves, read_tag, "tag")
 
         # --- what becomes of it ---------------------------------------------------------------------------------------
         hit_first = Signal()
@@ -121,7 +126,8 @@ class BlockCache(wiring.Component):
             merge.eq(valid & lines.awaited & waiters.ready),
             miss.eq(valid & ~lines.found & lines.available & waiters.ready & misses.o.valid),
             done.eq(hit | merge | miss),
-            lines.look.eq(moves),
+            lines.look.eq(read_moves),
+            lines.step.eq(moves),
             lines.block.eq(incoming.block),
             lines.touch.eq(hit),
             lines.allocate.eq(miss),

@@ -20,16 +20,16 @@ RANDOM_BITS, RANDOM_TAPS = 16, 0b1011_0100_0000_0000
 
 
 class BlockLines(Component):
-    """Looks up a block a cycle.
+    """Looks up a block a cycle, in two steps.
 
-    Ports: `look` takes up `block`; from the next cycle, until the next `look`, the outputs describe that block by the
-    state of the lines in each cycle. `found`: it is in line `line`, or, if `awaited`, on the way there as miss `miss`.
-    Otherwise `available` says whether a line may be given to it, `victim` which one, `evicts` that another block is
-    there.
+    Ports: `look` takes up `block`, whose labels are read; `step` takes it on, and from the next cycle, until the next
+    `step`, the outputs describe that block by the state of the lines in each cycle. `found`: it is in line `line`, or,
+    if `awaited`, on the way there as miss `miss`. Otherwise `available` says whether a line may be given to it,
+    `victim` which one, `evicts` that another block is there.
 
-    What happens to the block that is looked up: `touch` marks its line as used, `allocate` gives it the line `victim`
-    as miss `allocate_miss`. What happens to any line: `filled` (with `filled_error`: its block is not there after all),
-    `release` (nobody waits for it any more). `invalidate` forgets all blocks.
+    What happens to the block that the outputs describe: `touch` marks its line as used, `allocate` gives it the line
+    `victim` as miss `allocate_miss`; then `step` is high, too. What happens to any line: `filled` (with `filled_error`:
+    its block is not there after all), `release` (nobody waits for it any more). `invalidate` forgets all blocks.
     """
 
     def __init__(self, *, sets: int, ways: int, misses: int):
@@ -39,6 +39,7 @@ class BlockLines(Component):
         super().__init__(
             {
                 "look": In(1),
+                "step": In(1),
                 "block": In(BLOCK_NUMBER_BITS),
                 "found": Out(1),
                 "line": Out(line),
@@ -63,13 +64,18 @@ class BlockLines(Component):
         m = Module()
         ways = range(self.ways)
         set_bits = (self.sets - 1).bit_length()
-        name = register(m, self.look, self.block[set_bits:], "name")
-        row = register(m, self.look, set_of(self.block, set_bits), "row")
+        read_name = register(m, self.look, self.block[set_bits:], "read_name")
+        read_row = register(m, self.look, set_of(self.block, set_bits), "read_row")
+        name, row = register(m, self.step, read_name, "name"), register(m, self.step, read_row, "row")
+        at = register(m, self.step, (Const(1) << read_row)[: self.sets], "at")  # the row as a mask
 
         # --- labels: the block's number above the set's bits, which it follows from, and the miss that it is or was ---
         label = data.StructLayout({"name": len(name), "miss": len(self.miss)})
         chosen = Signal(self.ways)  # the way of the victim
-        labels = []
+        # A label that is written while the next block's labels are there replaces the one that was read.
+        same_row, same_name = Signal(), Signal()
+        m.d.comb += [same_row.eq(read_row == row), same_name.eq(read_name == name)]
+        same, awaited_misses = Signal(self.ways), []
         for way in ways:
             m.submodules[f"labels{way}"] = memory = Memory(shape=label, depth=self.sets, init=[])
             writes = memory.write_port()
@@ -82,7 +88,12 @@ class BlockLines(Component):
                 reads.en.eq(self.look),
                 reads.addr.eq(set_of(self.block, set_bits)),
             ]
-            labels.append(reads.data)
+            replaced = Signal(name=f"replaced{way}")
+            m.d.comb += replaced.eq(writes.en & same_row)
+            with m.If(self.step):
+                m.d.sync += same[way].eq(Mux(replaced, same_name, reads.data.name == read_name))
+            miss = Mux(replaced, self.allocate_miss, reads.data.miss)
+            awaited_misses.append(register(m, self.step, miss, f"miss{way}"))
 
         # --- states: a vector over the sets for each way --------------------------------------------------------------
         present, pending, locked, used = (
@@ -93,17 +104,17 @@ class BlockLines(Component):
         def here(kind: str, vectors: list[Signal]) -> Signal:
             """The bits of the set that is looked up, one a way."""
             bits = Signal(self.ways, name=kind)
-            m.d.comb += bits.eq(Cat(vector.bit_select(row, 1) for vector in vectors))
+            m.d.comb += bits.eq(Cat((vector & at).any() for vector in vectors))
             return bits
 
         match = Signal(self.ways)
         is_present, is_locked, is_used = here("is_present", present), here("is_locked", locked), here("is_used", used)
         m.d.comb += [
-            match.eq(is_present & Cat(each.name == name for each in labels)),
+            match.eq(is_present & same),
             self.found.eq(match.any()),
             self.awaited.eq((match & here("is_pending", pending)).any()),
             self.line.eq(Cat(row, number_of(match))),
-            self.miss.eq(any_of(Mux(match[way], labels[way].miss, 0) for way in ways)),
+            self.miss.eq(any_of(Mux(match[way], awaited_misses[way], 0) for way in ways)),
         ]
 
         # --- the victim: of the lines that may go and were not used, the first from a random one on -------------------
@@ -114,22 +125,20 @@ class BlockLines(Component):
         from_start = Signal(self.ways)
         m.d.sync += from_start.eq(Const((1 << self.ways) - 1, self.ways) << start)
         unused = Signal(self.ways)
-        candidates = Signal(self.ways)
+        candidates, later = Signal(self.ways), Signal(self.ways)
         all_used = Signal()
         m.d.comb += [
             self.available.eq(~is_locked.all()),
             unused.eq(~is_locked & ~is_used),
             all_used.eq(~unused.any()),
             candidates.eq(Mux(all_used, ~is_locked, unused)),
-            chosen.eq(lowest(Mux((candidates & from_start).any(), candidates & from_start, candidates))),
+            later.eq(candidates & from_start),
+            chosen.eq(Mux(later.any(), lowest(m, "later", later), lowest(m, "any", candidates))),
             self.victim.eq(Cat(row, number_of(chosen))),
             self.evicts.eq((chosen & is_present).any()),
         ]
 
         # --- changes --------------------------------------------------------------------------------------------------
-        looked_up = Signal(self.sets)
-        m.d.comb += looked_up.eq(Const(1, self.sets) << row)
-
         def vectors_of(line: Value, valid: Value, name: str) -> list[Value]:
             """The bit of a line, in a vector over the sets for each way."""
             its_row = Signal(self.sets, name=name)
@@ -146,9 +155,9 @@ class BlockLines(Component):
                 Signal(self.sets, name=f"{event}{way}") for event in ("given", "touched", "forgotten")
             )
             m.d.comb += [
-                given.eq(Mux(self.allocate & chosen[way], looked_up, 0)),
-                touched.eq(Mux(self.touch & match[way], looked_up, 0)),
-                forgotten.eq(Mux(self.allocate & (all_used | chosen[way]), looked_up, 0)),
+                given.eq(Mux(self.allocate & chosen[way], at, 0)),
+                touched.eq(Mux(self.touch & match[way], at, 0)),
+                forgotten.eq(Mux(self.allocate & (all_used | chosen[way]), at, 0)),
             ]
             m.d.sync += [
                 present[way].eq((present[way] & ~gone | given) & keeps),

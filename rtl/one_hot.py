@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from amaranth import Cat, Value
+from amaranth import Cat, Module, Mux, Signal, Value
 
 
 def any_of(values: Iterable[Value]) -> Value:
@@ -19,6 +19,40 @@ def number_of(one_hot: Value) -> Value:
     return Cat(Cat(bit for k, bit in enumerate(one_hot) if k >> place & 1).any() for place in range(width))
 
 
-def lowest(bits: Value) -> Value:
+def above_lowest(m: Module, name: str, bits: Value) -> Signal:
+    """All places above the lowest bit that is set.
+
+    A tree of log2 levels: the carry of a subtraction would say the same, by an adder's detours.
+    """
+    count = len(bits)
+    reach = Signal(count, name=f"{name}_above1")
+    m.d.comb += reach.eq(bits << 1)
+    step = 1
+    while step < count - 1:
+        farther = Signal(count, name=f"{name}_above{2 * step}")
+        m.d.comb += farther.eq(reach | reach << step)
+        reach, step = farther, 2 * step
+    return reach
+
+
+def lowest(m: Module, name: str, bits: Value) -> Value:
     """Only the lowest bit that is set."""
-    return bits & (~bits + 1)[: len(bits)]
+    return bits & ~above_lowest(m, name, bits)
+
+
+def next_of(m: Module, name: str, wanted: Value, take: Value) -> Signal:
+    """One of the wanted bits: the next one above the last that was taken, round and round."""
+    count = len(wanted)
+    above, higher, chosen = (Signal(count, name=f"{name}_{part}") for part in ("above", "higher", "chosen"))
+    some = Signal(name=f"{name}_some")
+    above_higher, above_wanted = (
+        above_lowest(m, f"{name}_{part}", bits) for part, bits in (("higher", higher), ("wanted", wanted))
+    )
+    m.d.comb += [
+        higher.eq(wanted & above),
+        some.eq(higher.any()),
+        chosen.eq(Mux(some, higher & ~above_higher, wanted & ~above_wanted)),
+    ]
+    with m.If(take):
+        m.d.sync += above.eq(Mux(some, above_higher, above_wanted))
+    return chosen

@@ -77,6 +77,7 @@ class Waiters(Component):
         done = data.StructLayout({"miss": self.miss_width, "line": self.line_width, "error": 1})
         m.submodules.lists = lists = Queue(done, self.misses)
         head = newest.read_port(domain="comb")
+        next_list, next_valid, next_moves = Signal(done, reset_less=True), Signal(), Signal()
         begin = Signal()  # the head of the next list is known
         taken = Signal()  # and is on its way
         load = Signal()
@@ -85,17 +86,20 @@ class Waiters(Component):
             lists.i.payload.miss.eq(self.filled_miss),
             lists.i.payload.line.eq(self.filled_line),
             lists.i.payload.error.eq(self.filled_error),
-            lists.o.ready.eq(~begin | taken),
-            load.eq(lists.o.valid & lists.o.ready),
-            head.addr.eq(lists.o.payload.miss),
+            next_moves.eq(~begin | taken),
+            lists.o.ready.eq(~next_valid | next_moves),
+            load.eq(next_valid & next_moves),
+            head.addr.eq(next_list.miss),
             self.free.eq(load),
-            self.free_miss.eq(lists.o.payload.miss),
+            self.free_miss.eq(next_list.miss),
         ]
         with m.If(lists.o.ready):
-            m.d.sync += begin.eq(lists.o.valid)
+            m.d.sync += [next_valid.eq(lists.o.valid), next_list.eq(lists.o.payload)]
+        with m.If(next_moves):
+            m.d.sync += begin.eq(next_valid)
         begin_number = register(m, load, head.data, "begin_number")
-        begin_line = register(m, load, lists.o.payload.line, "begin_line")
-        begin_error = register(m, load, lists.o.payload.error, "begin_error")
+        begin_line = register(m, load, next_list.line, "begin_line")
+        begin_error = register(m, load, next_list.error, "begin_error")
 
         # Along a list: the RAM's output is the request that is answered, and names the one after it.
         walk = entries.read_port()

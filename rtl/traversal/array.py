@@ -10,10 +10,9 @@ from golden_model.formats import RAY_QUERY, RAY_RESULT
 from rtl.axi_read_arbiter import AxiReadArbiter
 from rtl.config import Config
 from rtl.layouts import packet_of
-from rtl.one_hot import any_of
+from rtl.one_hot import any_of, next_of
 from rtl.queues import Buffer
 from rtl.traversal.counters import COUNTER_BITS, COUNTERS
-from rtl.traversal.masks import next_of
 from rtl.traversal.unit import Traversal
 
 

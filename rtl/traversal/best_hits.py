@@ -52,8 +52,9 @@ class BestHits(wiring.Component):
     The best hit has the lowest t; of equal ones, the lowest index. Ports:
 
     - `start`: strobe, a ray begins: no hit, the best t is its t_max. `started`: strobe, its `time` can be read.
-    - `result`: strobe, what the ray-triangle core says. A visit has one or two, in successive cycles, and `last` marks
-      the last; where `tested` is not set there was no test, and `error` says why.
+    - `coming`: the context of the result that comes two cycles later.
+    - `result`: strobe, what the ray-triangle core says. A visit has one or two, and `last` marks the last; where
+      `tested` is not set there was no test, and `error` says why.
     - `done`: strobe, the visit's effects show at all read ports. `hit`: a test of it hit, and the ray asks for any hit.
     - `best_read`, `time_read`, `hit_read`: what is asked for in one cycle is there in the next; `best_read` holds it
       while `en` is low. Without `found`, `t` means nothing, and `hit` is a miss.
@@ -68,11 +69,13 @@ class BestHits(wiring.Component):
         self._timed = data.StructLayout({name: ray[name] for name in TIMED})
         start = data.StructLayout({"context": context, **self._timed.members})
         result = data.StructLayout({**beside_layout(config).members, "data": layout_of(TRIANGLE_HIT)})
+        coming = {"context": Out(context)}
         best_read = {"en": Out(1), "context": Out(context), "found": In(1), "t": In(32)}
         super().__init__(
             {
                 "start": In(wiring.Signature({"valid": Out(1), "payload": Out(start)})),
                 "started": Out(ports.started),
+                "coming": In(wiring.Signature(coming)),
                 "result": In(wiring.Signature({"valid": Out(1), "payload": Out(result)})),
                 "done": Out(ports.done),
                 "best_read": In(wiring.Signature(best_read)),
@@ -84,12 +87,12 @@ class BestHits(wiring.Component):
     @property
     def latency(self) -> int:
         """Cycles from a visit's last result to `done`."""
-        return 2 + self._ray_time.latency
+        return 3 + self._ray_time.latency
 
     @property
     def start_latency(self) -> int:
         """Cycles from `start` to `started`, where no better hit comes in between."""
-        return 4 + self._ray_time.latency
+        return 5 + self._ray_time.latency
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
@@ -113,18 +116,30 @@ class BestHits(wiring.Component):
         m.submodules.primitives = primitives = Memory(shape=32, depth=self._contexts, init=[])
         m.submodules.hits = hits = Memory(shape=self.hit_read.hit.shape(), depth=self._contexts, init=[])
 
-        # Read and written in one cycle, because the next result may be the same ray's.
-        t_before, primitive_before = nearest.read_port(domain="comb"), primitives.read_port(domain="comb")
+        # What is the best so far is read ahead. Of the two results in between, which may be the same ray's, the first
+        # is seen by the RAM's read port while it is written, and the second one here.
         t_write, primitive_write, hit_write = nearest.write_port(), primitives.write_port(), hits.write_port()
-        order = compare(m, a=result.data.t, b=t_before.data)
-        lower = result.primitive.as_signed() < primitive_before.data.as_signed()
-        hit = self.result.valid & result.tested & result.data.hit
+        t_before = nearest.read_port(transparent_for=[t_write])
+        primitive_before = primitives.read_port(transparent_for=[primitive_write])
         better = Signal()
+        following = Signal(self._context, reset_less=True)
+        again = Signal()  # the next result is compared with this one
+        t_best, primitive_best, found_best = Signal(32, reset_less=True), Signal(32, reset_less=True), Signal()
         m.d.comb += [
-            t_before.addr.eq(result.context),
-            primitive_before.addr.eq(result.context),
-            better.eq(hit & (~found.bit_select(result.context, 1) | order["less"] | (order["equal"] & lower))),
+            t_before.addr.eq(self.coming.context),
+            primitive_before.addr.eq(self.coming.context),
+            again.eq(better & (result.context == following)),
         ]
+        m.d.sync += [
+            following.eq(self.coming.context),
+            t_best.eq(Mux(again, result.data.t, t_before.data)),
+            primitive_best.eq(Mux(again, result.primitive, primitive_before.data)),
+            found_best.eq(again | found.bit_select(following, 1)),
+        ]
+        order = compare(m, a=result.data.t, b=t_best)
+        lower = result.primitive.as_signed() < primitive_best.as_signed()
+        hit = self.result.valid & result.tested & result.data.hit
+        m.d.comb += better.eq(hit & (~found_best | order["less"] | (order["equal"] & lower)))
         for port in (t_write, primitive_write, hit_write):
             m.d.comb += [port.en.eq(better), port.addr.eq(result.context)]
         m.d.comb += [
@@ -174,7 +189,8 @@ class BestHits(wiring.Component):
         # A test of the visit has hit: this one, or the one before it.
         hit, hit_before = Signal(), Signal()
         m.d.comb += hit.eq(result.any_hit & result.tested & result.data.hit)
-        m.d.sync += hit_before.eq(self.result.valid & ~result.last & hit)
+        with m.If(self.result.valid):
+            m.d.sync += hit_before.eq(~result.last & hit)
 
         late_layout = data.StructLayout({"changing": context, "done": context, "hit": 1, "error": ERROR_BITS})
         strobes_layout = data.StructLayout({"better": 1, "started": 1, "done": 1})
@@ -189,14 +205,16 @@ class BestHits(wiring.Component):
             strobes.done.eq(self.result.valid & result.last),
         ]
         t, is_better = Signal(32, reset_less=True), Signal(reset_less=True)
-        m.d.sync += [t.eq(result.data.t), is_better.eq(better)]
-        m.d.comb += [
-            ray_time.en.eq(1),
-            ray_time.i.t.eq(Mux(is_better, t, timed_read.data.t_max)),
-            ray_time.i.rate.eq(timed_read.data.rate),
-            ray_time.i.scale.eq(timed_read.data.scale),
+        operands = Signal(ray_time.i.shape(), reset_less=True)
+        m.d.sync += [
+            t.eq(result.data.t),
+            is_better.eq(better),
+            operands.t.eq(Mux(is_better, t, timed_read.data.t_max)),
+            operands.rate.eq(timed_read.data.rate),
+            operands.scale.eq(timed_read.data.scale),
         ]
-        for stage in range(1, ray_time.latency + 2):
+        m.d.comb += [ray_time.en.eq(1), ray_time.i.eq(operands)]
+        for stage in range(1, ray_time.latency + 3):
             late_before, strobes_before = late, strobes
             late = Signal(late_layout, name=f"late{stage}", reset_less=True)
             strobes = Signal(strobes_layout, name=f"strobes{stage}")

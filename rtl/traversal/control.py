@@ -5,18 +5,19 @@ node sends the ray on to its nearest child and puts the rest on its stack; a ray
 have takes another from its stack.
 """
 
-from amaranth import Const, Module, Mux, Signal, Value
+from amaranth import Const, Module, Mux, Signal, Value, signed
 from amaranth.lib import data, stream, wiring
+from amaranth.lib.fifo import SyncFIFO
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import TRACE_ERRORS
 from rtl.config import Config
-from rtl.one_hot import lowest, number_of
+from rtl.one_hot import lowest, next_of, number_of
+from rtl.queues import Buffer
 from rtl.traversal.best_hits import ERROR_BITS, Ports, context_bits
-from rtl.traversal.masks import Counts, minus, next_of, one_hot, plus, replace
+from rtl.traversal.masks import Counts, minus, one_hot, plus, replace
 from rtl.traversal.records import (
     ADDRESS_BITS,
-    STACK_ENTRY,
     failure,
     height_bits,
     leaf_visit,
@@ -25,6 +26,9 @@ from rtl.traversal.records import (
     strobe,
 )
 from rtl.traversal.stacks import LISTS, Stacks
+
+POPS = 4
+"""Visits on their way from the stacks to a request."""
 
 
 class Control(wiring.Component):
@@ -101,27 +105,25 @@ class Control(wiring.Component):
         def only_if(condition: Value, context: Value) -> Value:
             return context & condition.replicate(contexts)
 
-        pop_layout = data.StructLayout({"context": context_bits(config), "position": height_bits(config), "fresh": 1})
-        asked, compared = Signal(pop_layout, reset_less=True), Signal(pop_layout, reset_less=True)
-        asked_valid, compared_valid = Signal(), Signal()
-
         # --- the result of a node -----------------------------------------------------------------------------------
-        node: data.View = self.node.payload
+        # The buffer keeps what is decided here apart from the node stage, which stops as a whole.
+        m.submodules.results = results = Buffer(self.node.payload.shape())
+        wiring.connect(m, wiring.flipped(self.node), results.i)
+        node: data.View = results.o.payload
         node_take = Signal()
-        m.d.comb += [
-            # A pop that has chosen its place on this stack, and waits, must have read it before a list overwrites it.
-            # Holding the node back lets the pop go on: it waits for nothing but the node's own request.
-            self.node.ready.eq(stacks.push.ready & ~(asked_valid & (asked.context == node.context))),
-            node_take.eq(self.node.valid & self.node.ready),
-        ]
-        node_context = mask("node_context", only_if(self.node.valid, one_hot(node.context, contexts)))
+        m.d.comb += [results.o.ready.eq(stacks.push.ready), node_take.eq(results.o.valid & stacks.push.ready)]
+        node_context = mask("node_context", only_if(results.o.valid, one_hot(node.context, contexts)))
         here = Signal(height_bits(config))  # the height of the ray's stack
         rest = Signal(4)  # children beside the nearest
         above = Signal(range(config.stack + 8))  # the height with all of them
+        spare = Signal(signed(9))  # entries beyond those that the levels of the tree need; as constant as the tree
+        fits = Signal()  # above + levels <= stack
+        m.d.sync += spare.eq(config.stack - self.levels)
         m.d.comb += [
             here.eq(height.of(node_context)),
             rest.eq(node.hits.count - node.rank - 1),
             above.eq(here + rest),
+            fits.eq(here <= spare - rest),
         ]
         forward, push, again, fail, begin_again = (
             Signal(name=name) for name in ("forward", "push", "again", "fail", "begin_again")
@@ -135,7 +137,7 @@ class Control(wiring.Component):
             with m.Elif(node.hits.count > node.rank):
                 with m.If(rest == 0):
                     m.d.comb += forward.eq(1)
-                with m.Elif(above + self.levels <= config.stack):
+                with m.Elif(fits):
                     m.d.comb += [forward.eq(1), push.eq(1)]
                 with m.Elif(here != config.stack):
                     m.d.comb += [forward.eq(1), push.eq(1), again.eq(1)]
@@ -189,7 +191,7 @@ class Control(wiring.Component):
             self.failed[1].payload.block.eq(leaf.address),
         ]
 
-        # --- visits from the stacks: choose, read, compare ----------------------------------------------------------
+        # --- visits from the stacks: choose, read, wait for their turn ----------------------------------------------
         overlap = Signal(range(config.overlap + 1))
         m.d.comb += overlap.eq(Mux(self.overlap > config.overlap, config.overlap, self.overlap))
         some_height, some_outstanding, some_pending = (
@@ -199,61 +201,87 @@ class Control(wiring.Component):
         room = ~some_outstanding | (~strict & outstanding.below(overlap))
         # A stack that a list is being written to, or that the result of a node may change in this cycle, has to wait.
         waiting = mask("waiting", active & ~dead & (fresh | (some_height & room & ~some_pending & ~node_context)))
-        pop_moves, choose = Signal(), Signal()
-        m.d.comb += choose.eq(pop_moves & waiting.any())
+        under_way = Signal(range(POPS + 1))
+        choose, popped = Signal(), Signal()
+        m.d.comb += choose.eq((under_way != POPS) & waiting.any())
+        m.d.sync += under_way.eq(under_way + choose - popped)
         chosen = next_of(m, "pop", waiting, choose)
         pop = mask("pop", only_if(choose, chosen))
 
-        with m.If(pop_moves):
-            m.d.sync += [
-                asked_valid.eq(choose),
-                asked.context.eq(number_of(chosen)),
-                asked.position.eq(height.of(chosen) - 1),
-                asked.fresh.eq((chosen & fresh).any()),
-                compared_valid.eq(asked_valid),
-                compared.eq(asked),
-            ]
+        # From the choice to the queue nothing waits. So the entry is read in the next cycle, before any list of the
+        # same ray that comes after the choice is written over it.
+        pop_layout = data.StructLayout({"context": context_bits(config), "position": height_bits(config), "fresh": 1})
+        asked, read = Signal(pop_layout, reset_less=True), Signal(pop_layout, reset_less=True)
+        asked_valid, read_valid = Signal(), Signal()
+        m.d.sync += [
+            asked_valid.eq(choose),
+            asked.context.eq(number_of(chosen)),
+            asked.position.eq(height.of(chosen) - 1),
+            asked.fresh.eq((chosen & fresh).any()),
+            read_valid.eq(asked_valid),
+            read.eq(asked),
+        ]
         m.d.comb += [
-            stacks.read.en.eq(pop_moves),
+            stacks.read.en.eq(asked_valid),
             stacks.read.context.eq(asked.context),
             stacks.read.position.eq(asked.position),
-            self.time_read.context.eq(Mux(pop_moves, asked.context, compared.context)),
+            self.time_read.context.eq(asked.context),
         ]
-        entry = Signal(STACK_ENTRY)
-        with m.If(compared.fresh):
-            m.d.comb += entry.address.eq(self.root)
+        waits_layout = data.StructLayout({**node_visit(config).members, "leaf": 1, "beyond": 1})
+        m.submodules.pops = pops = SyncFIFO(width=waits_layout.size, depth=POPS)
+        arriving, visit = Signal(waits_layout), Signal(waits_layout)
+        m.d.comb += [
+            arriving.context.eq(read.context),
+            pops.w_data.eq(Value.cast(arriving)),
+            pops.w_en.eq(read_valid),
+            pops.r_en.eq(popped),
+            Value.cast(visit).eq(pops.r_data),
+        ]
+        with m.If(read.fresh):
+            m.d.comb += arriving.address.eq(self.root)
         with m.Else():
-            m.d.comb += entry.eq(stacks.read.entry)
-        compared_context = mask("compared_context", only_if(compared_valid, one_hot(compared.context, contexts)))
+            entry: data.View = stacks.read.entry
+            m.d.comb += [arriving[name].eq(entry[name]) for name in ("address", "rank", "leaf")]
+            m.d.comb += arriving.beyond.eq(entry.entry > self.time_read.time)
+        visit_context = mask("visit_context", only_if(pops.r_rdy, one_hot(visit.context, contexts)))
         drop, pop_node, pop_leaf = Signal(), Signal(), Signal()
         m.d.comb += [
-            drop.eq(compared_valid & ((entry.entry > self.time_read.time) | (compared_context & dead).any())),
-            pop_node.eq(compared_valid & ~drop & ~entry.leaf),
-            pop_leaf.eq(compared_valid & ~drop & entry.leaf),
-            pop_moves.eq(~((pop_node & forward_node) | (pop_leaf & forward_leaf))),
+            drop.eq(pops.r_rdy & (visit.beyond | (visit_context & dead).any())),
+            pop_node.eq(pops.r_rdy & ~drop & ~visit.leaf),
+            pop_leaf.eq(pops.r_rdy & ~drop & visit.leaf),
+            popped.eq(drop | (pop_node & ~forward_node) | (pop_leaf & ~forward_leaf)),
         ]
 
-        # --- requests: first those of the node stage, which must never wait -----------------------------------------
+        # --- requests: first those of nodes, which must never wait --------------------------------------------------
         m.d.comb += [
             self.node_request.valid.eq(forward_node | pop_node),
-            self.node_request.payload.context.eq(Mux(forward_node, node.context, compared.context)),
-            self.node_request.payload.address.eq(Mux(forward_node, forward_address, entry.address)),
-            self.node_request.payload.rank.eq(Mux(forward_node, 0, entry.rank)),
+            self.node_request.payload.context.eq(Mux(forward_node, node.context, visit.context)),
+            self.node_request.payload.address.eq(Mux(forward_node, forward_address, visit.address)),
+            self.node_request.payload.rank.eq(Mux(forward_node, 0, visit.rank)),
             self.leaf_request.valid.eq(forward_leaf | pop_leaf),
-            self.leaf_request.payload.context.eq(Mux(forward_leaf, node.context, compared.context)),
-            self.leaf_request.payload.address.eq(Mux(forward_leaf, forward_address, entry.address)),
+            self.leaf_request.payload.context.eq(Mux(forward_leaf, node.context, visit.context)),
+            self.leaf_request.payload.address.eq(Mux(forward_leaf, forward_address, visit.address)),
         ]
 
         # --- a ray takes a context, and gives it back ---------------------------------------------------------------
-        free = mask("free", lowest(~taken))
+        # The context for the next ray is known a cycle before.
+        reserved, reserved_valid, reserved_number = Signal(contexts), Signal(), Signal(context_bits(config))
+        free = mask("free", ~taken & ~reserved)
+        first_free = mask("first_free", lowest(m, "free", free))
         start_take = Signal()
         m.d.comb += [
-            self.start.ready.eq(~taken.all()),
-            self.start_context.eq(number_of(free)),
+            self.start.ready.eq(reserved_valid),
+            self.start_context.eq(reserved_number),
             start_take.eq(self.start.valid & self.start.ready),
             self.idle.eq(~taken.any()),
         ]
-        start = mask("start", only_if(start_take, free))
+        with m.If(start_take | ~reserved_valid):
+            m.d.sync += [
+                reserved.eq(first_free),
+                reserved_valid.eq(free.any()),
+                reserved_number.eq(number_of(first_free)),
+            ]
+        start = mask("start", only_if(start_take, reserved))
         started = mask("started_context", only_if(self.started.valid, one_hot(self.started.context, contexts)))
         released = mask("released", only_if(self.release.valid, one_hot(self.release.context, contexts)))
         settled = mask("settled", ~some_outstanding & ~some_pending)
@@ -287,10 +315,13 @@ class Control(wiring.Component):
             restart.eq((restart | node_restart) & ~begins & ~leaf_ends),
             strict.eq((strict & ~start) | alone | begins),
         ]
-        visits = plus(outstanding.planes, pop)
-        for over in (only_if(drop, compared_context), node_end, leaf_context):
-            visits = minus(visits, over)
-        outstanding.become(m, visits)
+        # The end of a visit counts a cycle late, when all else that follows from it has happened.
+        visits = list[Value](outstanding.planes)
+        for name, over in (("dropped", only_if(drop, visit_context)), ("node", node_end), ("leaf", leaf_context)):
+            ended_visits = Signal(contexts, name=f"{name}_visits_over")
+            m.d.sync += ended_visits.eq(over)
+            visits = minus(visits, ended_visits)
+        outstanding.become(m, plus(visits, pop))
         lists = plus(pending.planes, node_push)
         written = one_hot(stacks.written.context, contexts)
         pending.become(m, minus(lists, only_if(stacks.written.valid, written)))

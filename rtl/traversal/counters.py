@@ -1,6 +1,6 @@
 """Counters of what happens in a traversal unit."""
 
-from amaranth import Module
+from amaranth import Module, Signal
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
@@ -18,7 +18,7 @@ COUNTERS: dict[str, str] = {
     "node_stalled": "cycles in which the node test had to wait for the stacks",
     "triangle_busy": "cycles in which a triangle entered the triangle test",
     "triangle_starved": "cycles in which there was no block of triangles",
-    "triangle_stalled": "cycles for a block of which the ray sees no triangle",
+    "triangle_stalled": "cycles for a block of which the ray sees no triangle, and of waiting where a test takes two",
     "node_hits": "blocks found in the node cache",
     "node_misses": "blocks that the node cache asked the memory for",
     "node_merged": "blocks that it was waiting for already",
@@ -34,7 +34,8 @@ COUNTERS: dict[str, str] = {
 class Counters(wiring.Component):
     """Counters of COUNTER_BITS bits, which wrap around.
 
-    Ports: `event_<name>`, one more of it in this cycle; `clear`, all become 0; `count_<name>`.
+    Ports: `event_<name>`, one more of it in this cycle; `clear`, all become 0; `count_<name>`. Events come late in a
+    cycle, so they are counted, and counters cleared, in the next.
     """
 
     def __init__(self) -> None:
@@ -48,10 +49,13 @@ class Counters(wiring.Component):
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
+        clear = Signal()
+        m.d.sync += clear.eq(self.clear)
         for name in COUNTERS:
-            count = getattr(self, f"count_{name}")
-            with m.If(self.clear):
+            count, event = getattr(self, f"count_{name}"), Signal(name=f"was_{name}")
+            m.d.sync += event.eq(getattr(self, f"event_{name}"))
+            with m.If(clear):
                 m.d.sync += count.eq(0)
-            with m.Elif(getattr(self, f"event_{name}")):
+            with m.Elif(event):
                 m.d.sync += count.eq(count + 1)
         return m

@@ -10,7 +10,7 @@ from amaranth.lib.wiring import In, Out
 from golden_model.formats import BLOCK_BYTES, LEAF_RAY, TRACE_ERRORS, TRIANGLE_BLOCK, TRIANGLES_KIND
 from rtl.config import Config
 from rtl.layouts import layout_of
-from rtl.ray_triangle import RayTriangle
+from rtl.ray_triangle import RayTriangle, RayTriangleHalf
 from rtl.traversal.best_hits import ERROR_BITS, TIMED, BestHits, Ports, beside_layout, context_bits
 
 CORNER_BITS = 96
@@ -19,7 +19,9 @@ TESTED = ("origin", "shear", "t_min", "axis", "flip", "cull")
 
 
 class LeafStage(wiring.Component):
-    """Tests the triangles of a block a visit, one test a cycle, and keeps the best hit of every context.
+    """Tests the triangles of a block a visit, and keeps the best hit of every context.
+
+    A test begins every `config.triangle_interval` cycles.
 
     Ports (docs/leaf_stage.md); a strobe is taken or missed in the cycle in which it is valid:
 
@@ -32,11 +34,11 @@ class LeafStage(wiring.Component):
     - `time_read`, two of them, and `hit_read`: what is asked for in one cycle is there in the next. `time`: `high` of
       `ray_time` for the best t; `hit`: HIT, a miss where there is none.
     - `test`, `starved`, `stalled`: exactly one is high in a cycle: the core gets a test; there is nothing to test; the
-      block that is there has nothing to be tested.
+      block that is there has nothing to be tested, or has to wait for the core.
     """
 
     def __init__(self, config: Config):
-        self._core = RayTriangle(config)
+        self._core = {1: RayTriangle, 2: RayTriangleHalf}[config.triangle_interval](config)
         self._best = BestHits(config)
         self._contexts = config.contexts
         self._context = context = context_bits(config)
@@ -62,7 +64,7 @@ class LeafStage(wiring.Component):
     @property
     def latency(self) -> int:
         """Cycles from the taking of a visit with at most one test to its `done`; a second test adds one."""
-        return 3 + self._core.latency + self._best.latency
+        return 4 + self._core.latency + self._best.latency
 
     @property
     def start_latency(self) -> int:
@@ -82,16 +84,14 @@ class LeafStage(wiring.Component):
         for k in range(2):
             wiring.connect(m, wiring.flipped(self.time_read[k]), best.time_read[k])
 
-        # A visit: its block, its ray and the best t, all there one cycle after it is taken.
+        # A visit: its block, its ray and the best t, read in one cycle and put into registers in the next.
         kept = data.StructLayout({name: self._ray[name].shape for name in (*TESTED, "t_max", "mask", "any_hit")})
         m.submodules.rays = rays = Memory(shape=kept, depth=self._contexts, init=[])
         ray_write, ray_read = rays.write_port(), rays.read_port()
-        take = Signal()
-        held = Signal()
-        visit = Signal(
-            data.StructLayout({"context": self._context, "block": layout_of(TRIANGLE_BLOCK), "error": 1}),
-            reset_less=True,
-        )
+        take, moves = Signal(), Signal()
+        held, there = Signal(), Signal()
+        visit_layout = data.StructLayout({"context": self._context, "block": layout_of(TRIANGLE_BLOCK), "error": 1})
+        arrived = Signal(visit_layout, reset_less=True)
         m.d.comb += [
             ray_write.en.eq(self.start.valid),
             ray_write.addr.eq(start.context),
@@ -103,15 +103,25 @@ class LeafStage(wiring.Component):
         ]
         m.d.comb += [ray_write.data[name].eq(start[name]) for name in kept.members]
         with m.If(take):
-            m.d.sync += visit.eq(self.i.payload)
+            m.d.sync += arrived.eq(self.i.payload)
         with m.If(self.i.ready):
             m.d.sync += held.eq(self.i.valid)
-        ray, block = ray_read.data, visit.block
+        visit, ray = Signal(visit_layout, reset_less=True), Signal(kept, reset_less=True)
+        with m.If(moves):
+            m.d.sync += [visit.eq(arrived), ray.eq(ray_read.data), there.eq(held)]
+            with m.If(best.best_read.found):
+                m.d.sync += ray.t_max.eq(best.best_read.t)
+        block = visit.block
 
         # Which of its triangles are tested, and when. Without any, the visit still passes through, as one without test.
         error = Signal(ERROR_BITS)
         wanted = Signal(2)
         first_passed, second, last = Signal(), Signal(), Signal()
+        turn = Signal(init=1)  # a test, or a visit without one, may go on
+        if core.initiation_interval == 2:
+            # Its phase is that of the cycle in which it gets what goes on in this one.
+            m.d.comb += core.phase.eq(~turn)
+            m.d.sync += turn.eq(~turn)
         with m.If(visit.error):
             m.d.comb += error.eq(TRACE_ERRORS["memory"])
         with m.Elif((block.kind != TRIANGLES_KIND) | ~((block.count == 1) | (block.count == 2))):
@@ -121,16 +131,17 @@ class LeafStage(wiring.Component):
             wanted[1].eq((error == 0) & (block.mask[1] & ray.mask).any() & (block.count == 2)),
             second.eq(first_passed | ~wanted[0]),
             last.eq(first_passed | ~wanted.all()),
-            self.i.ready.eq(~held | last),
-            self.test.eq(held & wanted.any()),
-            self.starved.eq(~held),
-            self.stalled.eq(held & ~wanted.any()),
+            moves.eq(~there | (last & turn)),
+            self.i.ready.eq(~held | moves),
+            self.test.eq(there & turn & wanted.any()),
+            self.starved.eq(~there),
+            self.stalled.eq(there & ~(turn & wanted.any())),
         ]
-        m.d.sync += first_passed.eq(held & ~last)
+        with m.If(turn):
+            m.d.sync += first_passed.eq(there & ~last)
 
         test = Signal(core.i.shape(), reset_less=True)
-        m.d.sync += [test[name].eq(ray[name]) for name in TESTED]
-        m.d.sync += test.t_max.eq(Mux(best.best_read.found, best.best_read.t, ray.t_max))
+        m.d.sync += [test[name].eq(ray[name]) for name in (*TESTED, "t_max")]
         corners = Value.cast(block.vertices)
         for k in range(3):
             other = corners.word_select(block.order[k], CORNER_BITS)
@@ -138,7 +149,7 @@ class LeafStage(wiring.Component):
         m.d.comb += [core.en.eq(1), core.i.eq(test)]
 
         # What travels beside the core, with a stage more before it and one after it.
-        valid, beside = held, Signal(self._beside, name="beside0")
+        valid, beside = there & turn, Signal(self._beside, name="beside0")
         m.d.comb += [
             beside.context.eq(visit.context),
             beside.primitive.eq(Mux(second, block.primitive[1], block.primitive[0])),
@@ -152,6 +163,8 @@ class LeafStage(wiring.Component):
             valid = Signal(name=f"valid{stage}")
             beside = Signal(self._beside, name=f"beside{stage}", reset_less=True)
             m.d.sync += [valid.eq(valid_before), beside.eq(before)]
+            if stage == core.latency:
+                m.d.comb += best.coming.context.eq(beside.context)
         outcome = Signal(core.o.shape(), reset_less=True)
         m.d.sync += outcome.eq(core.o)
         m.d.comb += [best.result.valid.eq(valid), best.result.payload.data.eq(outcome)]

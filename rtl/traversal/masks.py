@@ -6,26 +6,14 @@ without a decoder and a multiplexer a context. A count of a context is held as p
 
 from collections.abc import Sequence
 
-from amaranth import Cat, Const, Module, Mux, Signal, Value
+from amaranth import Cat, Const, Module, Signal, Value
 
-from rtl.one_hot import any_of, lowest
+from rtl.one_hot import any_of
 
 
 def one_hot(number: Value, count: int) -> Value:
     """The mask of one context; none if `number` is not below `count`."""
     return (Const(1) << number)[:count]
-
-
-def next_of(m: Module, name: str, wanted: Value, take: Value) -> Signal:
-    """The mask of one of the wanted contexts: the next one above the last that was taken, round and round."""
-    count = len(wanted)
-    above = Signal(count, name=f"{name}_above")
-    higher = Signal(count, name=f"{name}_higher")
-    chosen = Signal(count, name=f"{name}_chosen")
-    m.d.comb += [higher.eq(wanted & above), chosen.eq(lowest(Mux(higher.any(), higher, wanted)))]
-    with m.If(take):
-        m.d.sync += above.eq(~(chosen | (chosen - 1)[:count]))
-    return chosen
 
 
 class Counts:

@@ -58,7 +58,7 @@ class NodeStage(wiring.Component):
     @property
     def latency(self) -> int:
         """Cycles from the taking of a block to its result."""
-        return 1 + self._core.latency
+        return 2 + self._core.latency
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
@@ -77,7 +77,8 @@ class NodeStage(wiring.Component):
             core.en.eq(advance),
         ]
 
-        # The block waits a cycle for its ray and for the distance of the ray's best hit.
+        # The block waits a cycle for its ray and for the distance of the ray's best hit; then all go into registers,
+        # because a RAM has its output late in a cycle.
         held = Signal()
         with m.If(advance):
             m.d.sync += held.eq(self.i.valid)
@@ -95,9 +96,12 @@ class NodeStage(wiring.Component):
             # The distance is read anew in every cycle, so that it is there when the stage moves on.
             self.time_read.context.eq(Mux(advance, self.i.payload.tag.context, visit.context)),
         ]
-        m.d.comb += [core.i[name].eq(ray_read.data[name]) for name in NODE_RAY.names or ()]
-        m.d.comb += [core.i[name].eq(block[name]) for name in TESTED]
-        m.d.comb += core.i.t_max.eq(self.time_read.time)
+        test = Signal(core.i.shape(), reset_less=True)
+        with m.If(advance):
+            m.d.sync += [test[name].eq(ray_read.data[name]) for name in NODE_RAY.names or ()]
+            m.d.sync += [test[name].eq(block[name]) for name in TESTED]
+            m.d.sync += test.t_max.eq(self.time_read.time)
+        m.d.comb += core.i.eq(test)
 
         # Children lie behind their node, so no visit leads back; and inside the tree, so no address is beyond it.
         error = Signal(ERROR_BITS)
@@ -115,7 +119,7 @@ class NodeStage(wiring.Component):
         m.d.comb += [beside[name].eq(visit[name]) for name in self._visit.members]
         m.d.comb += [beside.error.eq(error), beside.base.eq(block.base), beside.leaf.eq(block.leaf)]
         valid, late = held, Value.cast(beside)
-        for stage in range(core.latency):
+        for stage in range(core.latency + 1):
             later = Signal(name=f"valid{stage}")
             with m.If(advance):
                 m.d.sync += later.eq(valid)

@@ -1,6 +1,6 @@
 """The stacks of a traversal unit, one a context, all in one RAM."""
 
-from amaranth import Module, Mux, Signal, Value
+from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.fifo import SyncFIFOBuffered
 from amaranth.lib.memory import Memory
@@ -19,7 +19,8 @@ class Stacks(wiring.Component):
 
     How high the stacks are is known to whoever uses them. Ports:
 
-    - `push`: stream of `push_list`; their entries are written from `last` to `first`, so that the nearest is on top.
+    - `push`: stream of `push_list`; their entries are written from `last` to `first`, so that the nearest is on top, in
+      the next cycle at the earliest.
     - `written`: strobe, a list of this context has been written.
     - `read`: the entry at `position` of the context's stack is there one cycle after an `en`, until the next one.
     """
@@ -49,33 +50,47 @@ class Stacks(wiring.Component):
         m = Module()
         m.submodules.entries = entries = Memory(shape=STACK_ENTRY, depth=self._contexts * self._stack, init=[])
         write, read = entries.write_port(), entries.read_port()
+
+        def place(context: Value, position: Value) -> Value:
+            # Contexts are a power of two: position * contexts + context, without an adder.
+            return Cat(context, position)[: len(read.addr)]
+
+        # One list is being written, the others wait in a queue; where that is empty, the next one goes past it.
         pushed = self.push.payload
-        m.submodules.lists = lists = SyncFIFOBuffered(width=len(Value.cast(pushed)), depth=LISTS)
+        m.submodules.lists = lists = SyncFIFOBuffered(width=len(Value.cast(pushed)), depth=LISTS - 1)
+        item, writing = Signal(pushed.shape(), reset_less=True), Signal()
+        moves, past = Signal(), Signal()
+        last = Signal()  # the entry that is written is the list's last
         m.d.comb += [
+            moves.eq(~writing | last),
+            past.eq(moves & (lists.level == 0)),
             lists.w_data.eq(Value.cast(pushed)),
-            lists.w_en.eq(self.push.valid),
+            lists.w_en.eq(self.push.valid & ~past),
+            lists.r_en.eq(moves),
             self.push.ready.eq(lists.w_rdy),
         ]
-        item = pushed.shape()(lists.r_data)
+        with m.If(moves):
+            m.d.sync += [
+                writing.eq(lists.r_rdy | (self.push.valid & past)),
+                Value.cast(item).eq(Mux(past, Value.cast(pushed), lists.r_data)),
+            ]
         done = Signal(RANK_BITS)  # entries of this list that are written
         index = Signal(RANK_BITS)
-        last = Signal()
         m.d.comb += [
             index.eq(item.last - done),
             last.eq(index == item.first),
-            lists.r_en.eq(last),
-            write.en.eq(lists.r_rdy),
-            write.addr.eq(item.context * self._stack + item.height + done),
+            write.en.eq(writing),
+            write.addr.eq(place(item.context, item.height + done)),
             write.data.entry.eq(item.entry[index]),
             write.data.address.eq(item.base + Mux(item.again, 0, item.slot[index])),
             write.data.leaf.eq(~item.again & item.leaf.bit_select(item.slot[index], 1)),
             write.data.rank.eq(Mux(item.again, item.first, 0)),
-            self.written.valid.eq(lists.r_rdy & last),
+            self.written.valid.eq(writing & last),
             self.written.context.eq(item.context),
             read.en.eq(self.read.en),
-            read.addr.eq(self.read.context * self._stack + self.read.position),
+            read.addr.eq(place(self.read.context, self.read.position)),
             self.read.entry.eq(read.data),
         ]
-        with m.If(lists.r_rdy):
+        with m.If(writing):
             m.d.sync += done.eq(Mux(last, 0, done + 1))
         return m

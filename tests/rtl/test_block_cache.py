@@ -112,7 +112,7 @@ def test_hundreds_of_thousands_of_requests(cache: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("original", "mutant", "only", "message"),
     [
-        ("assign is_locked[0] = locked0 >> row;", "assign is_locked[0] = 1'b0;", "run=1", "wanted 0x|HANG|hangs"),
+        ("assign is_locked[0] = |", "assign is_locked[0] = 1'b0 &", "run=1", "wanted 0x|HANG|hangs"),
         (
             "assign filled = write & last;",
             "assign filled = write;",
@@ -219,12 +219,12 @@ def test_a_miss_then_hits() -> None:
     assert run.count() == {"hit": 2, "miss": 1, "merged": 2, "stalled": 0, "evicted": 0}
     assert run.memory.reads == [5 * 64]
     assert {answer[1:] for answer in run.answers.values()} == {(0, block_data(5 * 64))}
-    # The hits come 2 cycles after their requests; those that waited in successive cycles.
-    assert [run.answers[k][0] - run.sent_at[k] for k in (3, 4)] == [2, 2]
+    # The hits come 3 cycles after their requests; those that waited in successive cycles.
+    assert [run.answers[k][0] - run.sent_at[k] for k in (3, 4)] == [3, 3]
     woken = sorted(run.answers[k][0] for k in range(3))
     assert woken == list(range(woken[0], woken[0] + 3))
-    # Request, address 3 cycles later, the memory's latency, and 6 more to the answer.
-    assert woken[0] == run.sent_at[0] + 3 + 10 + 6
+    # Request, address 4 cycles later, the memory's latency, and 7 more to the answer.
+    assert woken[0] == run.sent_at[0] + 4 + 10 + 7
 
 
 def test_rays_that_wait_for_a_block_are_woken_together_while_others_hit() -> None:
@@ -283,7 +283,7 @@ def test_when_all_lines_were_hit_any_may_go() -> None:
     # Blocks of column k are in all sets; in the last round a block misses where it was replaced.
     for way in range(4):
         before = 4 * sets + 4 * sets + sets + way * sets
-        gone.append(sum(run.answers[before + k][0] - run.sent_at[before + k] > 2 for k in range(sets)))
+        gone.append(sum(run.answers[before + k][0] - run.sent_at[before + k] > 3 for k in range(sets)))
     assert run.count()["evicted"] > sets
     assert all(2 <= count <= 30 for count in gone), gone
 

@@ -14,7 +14,7 @@ from gen.verilog import convert, ports_of
 from golden_model.formats import TRACE_ERRORS
 from rtl.config import PRESETS, Config
 from rtl.ray_time import RayTime
-from rtl.ray_triangle import RayTriangle
+from rtl.ray_triangle import RayTriangle, RayTriangleHalf
 from rtl.traversal.best_hits import ERROR_BITS
 from rtl.traversal.leaf import LeafStage
 from sim import toolchain
@@ -33,13 +33,14 @@ def verilog(config: Config) -> str:
 
 
 @pytest.mark.parametrize("simulator", SIMULATORS)
-@pytest.mark.parametrize("contexts", [4, 16])
-def test_bench(simulator: str, contexts: int, tmp_path: Path) -> None:
-    config = replace(PRESETS["tiny"], contexts=contexts)
+@pytest.mark.parametrize(("contexts", "interval"), [(4, 1), (16, 1), (8, 2)])
+def test_bench(simulator: str, contexts: int, interval: int, tmp_path: Path) -> None:
+    config = replace(PRESETS["tiny"], contexts=contexts, triangle_interval=interval)
     stage = LeafStage(config)
     description = {
         "contexts": contexts,
         "latency": stage.latency,
+        "interval": interval,
         "start_latency": stage.start_latency,
         "rays": RAYS[simulator],
         "seed": SEED + contexts,
@@ -59,10 +60,11 @@ def test_bench(simulator: str, contexts: int, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_latency_is_the_cores_and_five_cycles(preset: str) -> None:
+def test_latency_is_the_cores_and_seven_cycles(preset: str) -> None:
     config = PRESETS[preset]
     latency = LeafStage(config).latency
-    assert latency == RayTriangle(config).latency + RayTime(config).latency + 5
+    core = RayTriangle(config) if config.triangle_interval == 1 else RayTriangleHalf(config)
+    assert latency == core.latency + RayTime(config).latency + 7
     assert f"\n| {preset} | {latency} |\n" in PAGE.read_text(encoding="utf-8")
 
 
