@@ -34,7 +34,7 @@ def parts(root: Path) -> dict[str, list[str]]:
     }
     units = list(UNITS)
     named = {f"synth-{name}": ["synth", *units, *options] for name, options in libraries.items()}
-    named |= {"synth-check": ["synth", *CHECKED, *ihp, "--preset", "base", "--check"]}
+    named |= {"synth-check": ["synth", *CHECKED, *libraries["ihp-slow-base"], "--check"]}
     named |= {"gates": ["synth", *units, *presets]}
     named |= {"fpga": ["fpga", SYSTEM]}
     named |= {f"synth-{name}-{SYSTEM}": ["synth", SYSTEM, *options] for name, options in libraries.items()}

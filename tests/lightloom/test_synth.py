@@ -9,7 +9,7 @@ import pytest
 
 from gen import libraries, timing, tools
 from lightloom import netlist_check, results_page, synthesis
-from lightloom.results import parts
+from lightloom.results import CHECKED, parts
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
 
@@ -40,6 +40,16 @@ def test_netlist_of_a_unit(cli: Run, tmp_path: Path) -> None:
     else:
         assert row["fmax_mhz"] > 100
         assert f"{UNIT}.tiny.timing.txt" in files
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("unit", CHECKED)
+def test_netlist_of_every_number_unit_and_triangle_test(unit: str) -> None:
+    source = synthesis.Source(name="twelve", files=(TWELVE,), period=libraries.PERIOD)
+    measured = synthesis.measure(unit, "base", source, synthesis.Options())
+    found = netlist_check.check(measured, source, 20_000, 11)
+    assert found.vectors >= 20_000
+    assert found.mismatches == 0, found.first
 
 
 def test_gates_of_presets_side_by_side(cli: Run) -> None:
