@@ -15,6 +15,8 @@ CELL = re.compile(r"^\s*cell\s*\(", re.MULTILINE)
 STATE = re.compile(r"^\s*(?:ff|latch|statetable)\s*\(", re.MULTILINE)
 FLIP_FLOP = re.compile(r"^\s*ff\s*\(", re.MULTILINE)
 
+PIN = re.compile(r"^\s*pin\s*\(\s*\"?(\w+)\"?\s*\)", re.MULTILINE)
+
 
 @dataclass(frozen=True)
 class Library:
@@ -111,3 +113,18 @@ def combinational(library: Library) -> list[str]:
         if len(CELL.findall(text)) > len(STATE.findall(text)):
             names.append(path.name)
     return names
+
+
+def smallest_buffer(library: Library) -> str:
+    """The smallest cell whose output is its one input. Raises InputError where there is none."""
+    found = []
+    for path in library.files:
+        for cell in re.split(CELL, path.read_text(errors="replace"))[1:]:
+            function = re.search(r"\bfunction\s*:\s*\"\s*\(?\s*(\w+)\s*\)?\s*\"", cell)
+            area = re.search(r"^\s*area\s*:\s*([\d.]+)", cell, re.MULTILINE)
+            pins = PIN.findall(cell)
+            if function and area and len(pins) == 2 and function.group(1) in pins and "dont_use : true" not in cell:
+                found.append((float(area.group(1)), cell.partition(")")[0].strip().strip('"')))
+    if not found:
+        raise InputError(f"{library.name}: no cell is a buffer; give the liberty file that has them")
+    return min(found)[1]

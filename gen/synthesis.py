@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 from gen import libraries, tools
-from gen.fanout import buffer_of, buffered
 from gen.libraries import Library
 from gen.memories import Memory, cut_out
 
@@ -166,6 +165,8 @@ def mapped(folder: Path, elaborated: Path, library: Library, top: str) -> Mapped
     """
     (folder / "gates.il").write_bytes((elaborated / "gates.il").read_bytes())
     (folder / "mapping.abc").write_text(MAPPING)
+    # Else ABC takes the outputs of registers for as strong as can be, and leaves one that drives a hundred cells alone.
+    (folder / "mapping.constr").write_text(f"set_driving_cell {libraries.smallest_buffer(library)}\n")
     sequential, gates = libraries.sequential(library), libraries.combinational(library)
     read = "\n".join(f"read_liberty -lib -ignore_miss_func {file}" for file in sequential)
     script = f"""read_rtlil gates.il
@@ -174,22 +175,13 @@ dfflibmap {_liberties(sequential)}
 # Registers are named after what they hold, so that a critical path reads in the unit's own names.
 splitnets
 rename -wire -suffix _reg t:$_* %n
-abc {_liberties(gates)} -script mapping.abc
+abc {_liberties(gates)} -constr mapping.constr -script mapping.abc
 opt_clean -purge
-write_json netlist.json
-"""
-    tools.yosys(script, folder, "mapping")
-    netlist = folder / "netlist.json"
-    design = json.loads(netlist.read_text(encoding="utf-8"))
-    buffered(design, top, buffer_of(library, design, top))
-    netlist.write_text(json.dumps(design), encoding="utf-8")
-    script = f"""read_json netlist.json
-tee -q -o cells.json stat -json -top {top} {_liberties(library.file_names)}
+tee -q -o cells.json stat -json {_liberties(library.file_names)}
 write_verilog -noattr -noexpr -simple-lhs mapped.v
 """
-    tools.yosys(script, folder, "netlist")
+    tools.yosys(script, folder, "mapping")
     (folder / "gates.il").unlink()
-    netlist.unlink()
     found = _stat(folder / "cells.json")["modules"][f"\\{top}"]
     # Macros stand beside the cells; they have no area in any of the files.
     macros = sum(n for cell, n in found["num_cells_by_type"].items() if cell.startswith("ram_"))
