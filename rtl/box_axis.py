@@ -21,8 +21,9 @@ from rtl.operators.fields import add_with_carry
 from rtl.operators.product import product_rows, sum_rows, triple
 from rtl.pipeline import balanced_cuts
 
-DELAYS = (18, 9, 13, 12, 14, 22, 15, 24, 9, 13, 17, 15, 15, 14, 17, 8)
-"""Levels of gates of each step from a ray and a node to the list of children; steps 0 to 10 are those of an axis."""
+DELAYS = (32, 12, 31, 34, 36, 28, 38, 13, 20, 27, 20, 20, 20, 22, 12)
+"""What each step from a ray and a node to the list of children takes, measured (0.1 ns in a slow 130 nm library); steps
+0 to 9 are those of an axis."""
 STEPS = len(DELAYS)
 """Combinational steps of the box test; a register stage may stand after each."""
 
@@ -99,35 +100,43 @@ def distances(
     origin: Node,
     lower: Sequence[Node],
     upper: Sequence[Node],
+    blocks: bool = False,
 ) -> tuple[list[Node], list[Node]]:
-    """Where the ray meets the near and the far planes of the boxes: times, one a box, after step 10."""
+    """Where the ray meets the near and the far planes of the boxes: times, one a box, after step 9.
+
+    With `blocks` the products are written for an FPGA's multiplier blocks.
+    """
 
     def shared(number: int, name: str, function: Callable[..., Any], *operands: Node) -> Node:
         return step(number, f"{name}_{axis}", partial(function, widths), *operands)
 
     corner = shared(0, "corner", first_corner, origin, backwards, exponent)
     units = shared(1, "units", in_units, corner, coarseness)
-    way = shared(2, "way", way_to, units, position, backwards)
     places = shared(2, "places", plane_places, exponent, coarseness)
-    beyond = shared(9, "beyond", bits_beyond, steepness)
+    beyond = shared(8, "beyond", bits_beyond, steepness)
 
     def side(name: str, far: bool, planes: Sequence[tuple[Node, Node]]) -> list[Node]:
         """`planes` are those that a forward and that a backward ray meets."""
-        padded = step(3, f"{name}_way", (lambda way, pad: way + pad) if far else (lambda way, pad: way - pad), way, pad)
-        multiplier = step(4, f"{name}_multiplier", partial(multiplier_of, far), padded, slope)
-        thrice = step(4, f"{name}_way_thrice", partial(triple, step.m, name=f"{name}_thrice"), padded)
-        rows = step(5, f"{name}_rows", partial(way_rows, step.m, name, widths, far), padded, thrice, multiplier)
-        base = step(6, f"{name}_base", partial(scaled, widths), rows)
-        short = step(3, f"{name}_short", partial(short_slope, widths, far), slope)
-        short_thrice = step(4, f"{name}_short_thrice", partial(triple, step.m, name=f"{name}_short_times3"), short)
+        way = step(2, f"{name}_way", partial(way_to, step.m, name, widths, far), units, position, backwards, pad)
+        multiplier = step(3, f"{name}_multiplier", partial(multiplier_of, far), way, slope)
+        short = step(2, f"{name}_short", partial(short_slope, widths, far), slope)
+        factors = [short]
+        if blocks:
+            rows = step(4, f"{name}_rows", partial(block_way_rows, widths, far), way, multiplier)
+        else:
+            thrice = step(3, f"{name}_thrice", partial(triple, step.m, name=f"{name}_times3"), way)
+            rows = step(4, f"{name}_rows", partial(way_rows, step.m, name, widths, far), way, thrice, multiplier)
+            short_times3 = partial(triple, step.m, name=f"{name}_short_times3")
+            factors.append(step(3, f"{name}_short_thrice", short_times3, short))
+        base = step(5, f"{name}_base", partial(scaled, widths), rows)
         out = []
         for slot, (forward, backward) in enumerate(planes):
             box = f"{name}{slot}"
-            plane = step(6, f"{box}_plane", lambda turn, f, b: Mux(turn, ~b, f), backwards, forward, backward)
-            product = step(7, f"{box}_product", partial(plane_product, step.m, box, widths), plane, short, short_thrice)
-            moved = step(8, f"{box}_moved", lambda p, places: Cat(Const(0, widths.align), p) >> places, product, places)
-            whole = step(9, f"{box}_sum", lambda base, moved: (base + moved)[: widths.total].as_signed(), base, moved)
-            out.append(step(10, box, partial(steepened, widths), whole, steepness, beyond))
+            plane = step(5, f"{box}_plane", lambda turn, f, b: Mux(turn, ~b, f), backwards, forward, backward)
+            product = step(6, f"{box}_product", partial(plane_product, step.m, box, widths), plane, *factors)
+            moved = step(7, f"{box}_moved", lambda p, places: Cat(Const(0, widths.align), p) >> places, product, places)
+            whole = step(8, f"{box}_sum", lambda base, moved: (base + moved)[: widths.total].as_signed(), base, moved)
+            out.append(step(9, box, partial(steepened, widths), whole, steepness, beyond))
         return out
 
     return (
@@ -142,8 +151,8 @@ class BoxAxis(wiring.Component):
     Ports, all unsigned: those of `distances`, which become `near` and `far`, times with their bias.
     """
 
-    def __init__(self, widths: AxisWidths = TRUE):
-        self._widths = widths
+    def __init__(self, widths: AxisWidths = TRUE, *, blocks: bool = False):
+        self._widths, self._blocks = widths, blocks
         arithmetic, shift = widths.arithmetic, widths.shift
         ports = {
             "position": widths.position,
@@ -168,7 +177,7 @@ class BoxAxis(wiring.Component):
         flow = Dataflow(m, Const(1, 1))
         operands: dict[str, Any] = {name: flow.source(getattr(self, name), name) for name in self._inputs}
         operands |= {name: [operands[name]] for name in ("lower", "upper")}
-        near, far = distances(Steps(m, flow, 0), "x", self._widths, **operands)
+        near, far = distances(Steps(m, flow, 0), "x", self._widths, blocks=self._blocks, **operands)
         m.d.comb += [self.near.eq(near[0].value), self.far.eq(far[0].value)]
         return m
 
@@ -192,13 +201,20 @@ def in_units(widths: AxisWidths, corner: Value, coarseness: Value) -> Value:
     return Cat(Const(0, FRACTION), corner) >> coarseness
 
 
-def way_to(widths: AxisWidths, corner: Value, position: Value, backwards: Value) -> Value:
-    """corner - (position - bias), or its negative where the ray goes backwards, with one adder."""
-    turned = backwards.replicate(widths.way)
+def way_to(
+    m: Module, name: str, widths: AxisWidths, far: bool, corner: Value, position: Value, backwards: Value, pad: Value
+) -> Value:
+    """corner - (position - bias), or its negative where the ray goes backwards, plus or less the pad."""
+    size = widths.way + 1
+    turned = backwards.replicate(size)
     # Without its bias, a position is not negative where its highest bit is set.
-    complement = Cat(~position[:-1], position[-1].replicate(widths.way - widths.position + 1))
-    corner = Cat(corner, Const(0, widths.way - len(corner)))
-    return add_with_carry(corner ^ turned, complement ^ turned, Const(1, 1))[: widths.way].as_signed()
+    complement = Cat(~position[:-1], position[-1].replicate(size - widths.position + 1))
+    wide_pad = Cat(pad, Const(0, size - widths.pad))
+    rows: list[Value] = [Cat(corner, Const(0, size - len(corner))) ^ turned, complement ^ turned]
+    low, high = sum_rows(m, [*rows, wide_pad if far else ~wide_pad], size, f"{name}_way")
+    # Minus a number is its complement and one: a one for the position or the corner, one more for a pad taken off. The
+    # carries of the rows leave their lowest place free.
+    return add_with_carry(low, Cat(Const(1, 1), high[1:]), Const(0 if far else 1, 1))[:size].as_signed()
 
 
 def plane_places(widths: AxisWidths, exponent: Value, coarseness: Value) -> Value:
@@ -246,6 +262,20 @@ def way_rows(
     return Cat(*sum_rows(m, rows, width, name))
 
 
+def block_way_rows(widths: AxisWidths, far: bool, way: Value, multiplier: Value) -> Value:
+    """The same with multipliers, for either half of the multiplier: of 26x9 and 26x10 bits."""
+    slope = widths.arithmetic.slope
+    half, width = slope // 2, len(way) + slope + 1
+    rounding = 2 << (slope - 1) if far else 0
+    low, high = way * multiplier[:half] + rounding, way * multiplier[half:]
+    return Cat(_wide(low, width), _wide(Cat(Const(0, half), high).as_signed(), width))
+
+
+def _wide(value: Value, width: int) -> Value:
+    """A signed value with its sign extended."""
+    return Cat(value, value[-1].replicate(width - len(value)))[:width]
+
+
 def pick(chosen: Iterable[Value], values: Iterable[Value]) -> Value:
     """The value whose bit is set, of at most one; zero for none. The shorter of the two ends the list."""
     return reduce(or_, (Mux(bit, value, 0) for bit, value in zip(chosen, values, strict=False)))
@@ -260,10 +290,16 @@ def scaled(widths: AxisWidths, rows: Value) -> Value:
 # --- once a plane -----------------------------------------------------------------------------------------------------
 
 
-def plane_product(m: Module, name: str, widths: AxisWidths, plane: Value, short: Value, thrice: Value) -> Value:
+def plane_product(
+    m: Module, name: str, widths: AxisWidths, plane: Value, short: Value, thrice: Value | None = None
+) -> Value:
+    """plane * short; of rows if `thrice` is there, 3 * short."""
+    size = widths.arithmetic.plane + widths.arithmetic.short
+    if thrice is None:
+        return (plane * short)[:size]
     two_digits = Cat(plane, Const(0, max(3 - len(plane), 0)))  # a single row is no sum
     low, high = product_rows(m, short, thrice, two_digits, name)
-    return (low + high)[: widths.arithmetic.plane + widths.arithmetic.short]
+    return (low + high)[:size]
 
 
 def bits_beyond(widths: AxisWidths, steepness: Value) -> Value:

@@ -68,17 +68,18 @@ class NodeTest(DataflowCore):
                 origin=origin[k],
                 lower=planes[f"lower_{axis}"][: config.width],
                 upper=planes[f"upper_{axis}"][: config.width],
+                blocks=config.multiplier_blocks,
             )
             near.append(first)
             far.append(last)
         entry, leave = [], []
         for slot in range(config.width):
             x, y, z = (distance[slot] for distance in near)
-            earlier, later = step(11, f"entry_xy{slot}", greater, x, y), step(11, f"entry_z{slot}", greater, z, t_min)
-            entry.append(step(12, f"entry{slot}", entered, earlier, later, blind))
+            earlier, later = step(10, f"entry_xy{slot}", greater, x, y), step(10, f"entry_z{slot}", greater, z, t_min)
+            entry.append(step(11, f"entry{slot}", entered, earlier, later, blind))
             x, y, z = (distance[slot] for distance in far)
-            earlier, later = step(11, f"leave_xy{slot}", lesser, x, y), step(11, f"leave_z{slot}", lesser, z, t_max)
-            leave.append(step(12, f"leave{slot}", lesser, earlier, later))
+            earlier, later = step(10, f"leave_xy{slot}", lesser, x, y), step(10, f"leave_z{slot}", lesser, z, t_max)
+            leave.append(step(11, f"leave{slot}", lesser, earlier, later))
         return sorted_hits(step, entry, leave, count)
 
 
@@ -101,23 +102,23 @@ def entered(a: Value, b: Value, blind: Value) -> Value:
 def sorted_hits(step: Steps, entry: list[Node], leave: list[Node], count: Node) -> dict[str, Any]:
     """Compares all pairs of boxes at once: the place of a hit is the number of hits before it."""
     width = len(entry)
-    hits = step(13, "hits", entered_in_time, count, *entry, *leave)
-    order = step(13, "order", pairs_in_order, *entry)
-    chosen = step(14, "chosen", lambda hits, order: by_place(hits, order, width), hits, order)
+    hits = step(12, "hits", entered_in_time, count, *entry, *leave)
+    order = step(12, "order", pairs_in_order, *entry)
+    chosen = step(13, "chosen", lambda hits, order: by_place(hits, order, width), hits, order)
     slots = [Const(k, 3) for k in range(width)]
     listed_slots, listed_entries = [], []
     for place in range(width):
         here = slice(place * width, (place + 1) * width)
-        listed_slots.append(step(15, f"slot_out{place}", lambda chosen, here=here: pick(chosen[here], slots), chosen))
+        listed_slots.append(step(14, f"slot_out{place}", lambda chosen, here=here: pick(chosen[here], slots), chosen))
         listed_entries.append(
-            step(15, f"entry_out{place}", lambda chosen, *entry, here=here: pick(chosen[here], entry), chosen, *entry)
+            step(14, f"entry_out{place}", lambda chosen, *entry, here=here: pick(chosen[here], entry), chosen, *entry)
         )
     # A narrow test leaves the rest of the list empty.
     end = listed_slots[0].time
     empty = [Node(0, end, "empty")] * (WIDTH - width)
-    total = step(14, "total", ones, hits)
+    total = step(13, "total", ones, hits)
     return {
-        "count": step(15, "count_out", lambda total: total, total),
+        "count": step(14, "count_out", lambda total: total, total),
         "slot": listed_slots + empty,
         "entry": listed_entries + empty,
     }

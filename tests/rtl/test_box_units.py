@@ -104,8 +104,8 @@ def test_every_depth(depth: int) -> None:
     ("change", "message"),
     [
         ({"width": 6}, "node_test: width must be 4 or 8, not 6"),
-        ({"node_test_depth": 17}, "node_test: depth must be 0 to 16, not 17"),
-        ({"node_test_depth": -1}, "node_test: depth must be 0 to 16, not -1"),
+        ({"node_test_depth": 16}, "node_test: depth must be 0 to 15, not 16"),
+        ({"node_test_depth": -1}, "node_test: depth must be 0 to 15, not -1"),
     ],
 )
 def test_parameters_out_of_range_are_refused(change: dict[str, int], message: str) -> None:
