@@ -82,7 +82,7 @@ def properties() -> list[Property]:
             unit="control",
             name="life-of-a-ray",
             says="out once, only if in; visits within overlap; stack in bounds; a failure told once",
-            method=Bounded(depth=14),
+            method=Bounded(depth=13),
             build=lambda: life(SMALL),
             reach=8,
         )

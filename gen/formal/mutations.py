@@ -309,7 +309,7 @@ _MUTATIONS = (
         old="scaled[:3].any()",
         new="scaled[1:3].any()",
         what="one bit of the sticky bit is missing",
-        checks=("float_add/every-6-bit-input",),
+        checks=("float_add/every-8-bit-input",),
     ),
     Mutation(
         name="add-exponent",
@@ -357,7 +357,7 @@ _MUTATIONS = (
         old="whole[:below].any() | (top & whole[below])",
         new="whole[:below].any()",
         what="the bit that a long product shifts out is lost",
-        checks=("float_multiply/every-6-bit-input",),
+        checks=("float_multiply/every-8-bit-input",),
     ),
     Mutation(
         name="multiply-special",
@@ -390,6 +390,7 @@ _MUTATIONS = (
         new="remainder.any()",
         what="the last bit of a long quotient is lost",
         checks=("float_divide/every-6-bit-input",),
+        equivalent="a quotient without remainder has no more bits than a significand: its last bit here is zero",
     ),
     Mutation(
         name="sqrt-parity",

@@ -16,7 +16,7 @@ from gen.formal.properties import Bounded, Combinational, Exhaustive, Outcome, P
 SOLVERS = {"yices": "smtbmc yices", "z3": "smtbmc z3"}
 """Engines by the solver's name; yices is the fastest, z3 the cross-check."""
 PROGRAMS = {"yices": "yices-smt2", "z3": "z3"}
-TIMEOUT = 600
+TIMEOUT = 900
 """Seconds for one property."""
 
 # Nothing may depend on initial values (they are not in the Verilog either), nor on what memories hold after reset.
