@@ -29,9 +29,10 @@ from golden_model.scene import load_scene
 from golden_model.wide_bvh import build_wide
 from golden_model.wide_traversal import queries_of, trace_tree
 from rtl.config import PRESETS
+from rtl.one_hot import next_of
 from rtl.traversal.counters import COUNTERS
 from rtl.traversal.loader import Loader
-from rtl.traversal.masks import Counts, minus, next_of, one_hot, plus
+from rtl.traversal.masks import Counts, minus, one_hot, plus
 from rtl.traversal.unit import Traversal
 from sim.emitted import emitted
 from sim.traversal import TraversalRun, TraversalUnit
