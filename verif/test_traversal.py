@@ -151,6 +151,7 @@ class Bench:
         self.stack: int = run["stack"]
         self.overlap: int = run["overlap"]
         self.contexts: int = run["contexts"]
+        self.lines: dict[str, int] = run["lines"]
         self.tag_width = len(dut.i__payload) - bitpack.width(RAY_QUERY)
         self.rng = random.Random(self.seed)
         self.streams = StreamDriver(dut)
@@ -278,7 +279,7 @@ class Bench:
             expected |= {"errors": int((rays.results["error"] != 0).sum())}
             expected |= {name: int(rays.counts[name].sum()) for name in COUNTS.names or ()}
         assert {name: seen[name] for name in expected} == expected, f"{what}, seed {self.seed}"
-        note(lambda: counter_groups(self.counters(COUNTERS)))
+        note(lambda: counter_groups(self.counters(COUNTERS), self.lines))
 
     def counters(self, names: Iterable[str] = ("rays", "errors", "beats", *(COUNTS.names or ()))) -> dict[str, int]:
         return {name: int(getattr(self.dut, f"count_{name}").value) for name in names}

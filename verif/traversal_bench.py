@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from rtl.config import PRESETS, Config
 from sim.emitted import emitted
@@ -47,8 +48,12 @@ def run_traversal_bench(
     those of `sim.runner.run_cocotb`. Raises BenchError where a test fails.
     """
     text = emitted("traversal", config) if verilog is None else verilog
-    description = {"seed": SEED, "rays": rays, "few": few, "patience": patience}
+    description: dict[str, Any] = {"seed": SEED, "rays": rays, "few": few, "patience": patience}
     description |= {name: getattr(config, name) for name in ("width", "stack", "overlap", "contexts")}
+    description["lines"] = {
+        "node": config.node_sets * config.node_ways,
+        "triangle": config.triangle_sets * config.triangle_ways,
+    }
     return run_cocotb(
         "traversal",
         {"traversal.v": text},

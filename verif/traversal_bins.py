@@ -96,9 +96,14 @@ def _holds_data(group: str, name: str) -> bool:
     return (group == "data" and "held" in name) or (group == "addresses and data" and name.endswith(", held"))
 
 
-def counter_groups(counters: dict[str, int]) -> Groups:
-    """What the unit has counted."""
-    return {"counted": {name: counters[name] for name in COUNTERS}}
+def counter_groups(counters: dict[str, int], lines: dict[str, int]) -> Groups:
+    """What the unit has counted; and caches that gave up blocks, since they asked for more than they have `lines`."""
+    return {
+        "counted": {name: counters[name] for name in COUNTERS},
+        "runs in which blocks gave way": {
+            f"{cache} cache": int(counters[f"{cache}_misses"] > number) for cache, number in lines.items()
+        },
+    }
 
 
 def memory_groups(overtaken: int, mixed: int, most_under_way: int) -> Groups:
