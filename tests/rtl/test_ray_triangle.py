@@ -1,5 +1,6 @@
 """The ray-triangle unit against its model: every bit of every result."""
 
+import numpy as np
 import pytest
 
 from golden_model.bitpack import equal
@@ -39,10 +40,20 @@ def test_results_survive_stalls(unit: str) -> None:
     assert equal(bulk_unit(unit, "tiny").run(operands, stall_seed=SEED), ray_triangle(operands)).all()
 
 
+def test_guard_bit_alone_rounds_every_reciprocal() -> None:
+    """What rtl.determinant relies on, for every significand: 25 bits of the quotient, for 1 all ones, give 1 / m."""
+    significands = np.arange(1 << 23, 1 << 24, dtype=np.int64)
+    quotients = np.minimum((1 << 48) // significands, (1 << 25) - 1)
+    rounded = (quotients >> 1) + (quotients & 1)
+    expected = np.float32(1) / significands.astype(np.float32)
+    assert (rounded.astype(np.float32) * np.float32(2.0**-47) == expected).all()
+
+
 @pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS.keys())
 def test_latency_is_the_longest_path(config: Config) -> None:
     shear = 2 * config.add_depth + config.multiply_depth
-    determinant = config.difference_of_products_depth + 2 * min(config.add_depth, 2)
-    reciprocal = cycles_of(config) + 1
-    expected = shear + determinant + reciprocal + config.multiply_depth + config.compare_depth
+    reciprocal = 2 * min(config.add_depth, 2) + cycles_of(config) + 1
+    depth = 2 * config.multiply_depth + 2 * config.add_depth
+    edges = shear + config.difference_of_products_depth
+    expected = edges + max(reciprocal, depth) + config.multiply_depth + config.compare_depth
     assert CATALOGUE["ray_triangle"](config).latency == expected
