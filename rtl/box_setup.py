@@ -29,7 +29,8 @@ REACH = 126 + LATTICE_BITS
 class BoxSetup(DataflowCore):
     """One ray a cycle: 3 subtractors, 4 multipliers, 4 shifters.
 
-    Stages: the longer of `add_depth` and one for the scale, or `multiply_depth`; then `convert_depth`.
+    Stages: the longer of `add_depth` and two for the scale, or one for the rate and `multiply_depth`; then
+    `convert_depth`.
     """
 
     unit_name = "box_setup"
@@ -51,7 +52,7 @@ class BoxSetup(DataflowCore):
         cuts = stage_cuts(2, config.convert_depth)
 
         moved = [f.subtract(f"moved{k}", origin[k], lattice_origin[k]) for k in range(3)]
-        greatest = flow.logic("greatest", greatest_exponent, *moved)
+        greatest = flow.logic("greatest", greatest_exponent, *moved, stage=True)
         coarseness = flow.logic("coarseness", coarseness_of, greatest, lattice_exponent)
         scale = flow.logic("scale", scale_of, greatest, lattice_exponent, stage=True)
         position = []
@@ -60,7 +61,9 @@ class BoxSetup(DataflowCore):
             sign = flow.logic(f"position{k}_sign", lambda x: x[31], component)
             position.append(flow.logic(f"position{k}", position_of, magnitude, sign, stage=1 in cuts))
 
-        dominant = flow.logic("dominant", lambda axis, *d: Cat(select(axis, *d)[:31], Const(0, 1)), axis, *direction)
+        dominant = flow.logic(
+            "dominant", lambda axis, *d: Cat(select(axis, *d)[:31], Const(0, 1)), axis, *direction, stage=True
+        )
         rate = canonical(flow, "rate", dominant)
         infinite = flow.logic("infinite", lambda greatest: greatest == INFINITY, greatest)
         shift = flow.logic("underflow", underflow_shift, rate, scale)

@@ -84,7 +84,7 @@ def test_latencies(config: Config) -> None:
     latency = {unit: CATALOGUE[unit](config).latency for unit in VECTORS}
     assert latency == {
         "ray_time": config.multiply_depth + config.convert_depth,
-        "box_setup": max(config.add_depth + 1, config.multiply_depth) + config.convert_depth,
+        "box_setup": max(config.add_depth + 2, config.multiply_depth + 1) + config.convert_depth,
         "node_test": config.node_test_depth,
     }
 
