@@ -1,0 +1,82 @@
+"""Functional bins: what goes into which."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from golden_model.formats import FLOAT
+from golden_model.units import UNITS
+from verif.coverage import BINS, StreamCycles, cases, note, noted, together
+from verif.number_bins import BINS as NUMBER_BINS
+from verif.number_bins import number_bins, rounding, signed
+from verif.ray_bins import BINS as RAY_BINS
+from verif.unit_vectors import VECTORS
+
+
+def filled(bins: dict[str, int]) -> set[str]:
+    return {name for name, count in bins.items() if count}
+
+
+def test_every_unit_has_bins_and_vectors() -> None:
+    assert {*NUMBER_BINS, *RAY_BINS} == set(UNITS)
+    assert set(VECTORS) == set(RAY_BINS)
+
+
+def test_stream_states() -> None:
+    cycles = StreamCycles()
+    for offered, accepted, valid, ready in [(0, 0, 0, 0), (1, 0, 0, 1), (1, 1, 1, 0), (1, 1, 1, 1)]:
+        cycles.add(bool(offered), bool(accepted), bool(valid), bool(ready))
+    groups = cycles.groups()
+    assert filled(groups["input and output"]) == {"idle, idle", "held, idle", "moves, held", "moves, moves"}
+    assert filled(groups["input"]) == {"idle, then held", "held, then moves", "moves, then moves", "held for one cycle"}
+    assert filled(groups["output"]) == {"idle, then idle", "idle, then held", "held, then moves", "held for one cycle"}
+    assert len(groups["input"]) == 8 + 2
+
+
+def test_how_a_result_was_rounded() -> None:
+    one, ulp = np.float32(1), 2.0**-23
+    for excess, tail, name in [
+        (0, 0, "exact"),
+        (ulp / 4, 0, "cut off"),
+        (ulp / 2, 0, "tie cut off"),
+        (ulp / 2, -(2.0**-80), "cut off"),
+        (-ulp / 8, 0, "raised"),
+        (-ulp / 4, 0, "tie raised"),  # below a power of two numbers lie twice as close
+    ]:
+        assert filled(rounding(np.array([one]), np.array([excess]), np.array([tail]))) == {name}
+        assert filled(rounding(np.array([-one]), np.array([-excess]), np.array([-tail]))) == {name}
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "group", "name"),
+    [
+        (1.0, -1.0, "cancellation", "all bits"),
+        (1.5, -1.0, "cancellation", "one bit"),
+        (1.5, 1.0, "carry", "carry"),
+        (2.0**-126, -(2.0**-126) * 1.5, "ends of the range", "flushed"),
+        (2.0**127, 2.0**127, "ends of the range", "beyond"),
+        (np.inf, -np.inf, "two infinities", "+, -"),
+        (0.0, -0.0, "two zeros", "+, -"),
+    ],
+)
+def test_bins_of_a_sum(a: float, b: float, group: str, name: str) -> None:
+    operands = np.array([(a, b, False)], dtype=UNITS["float_add"].input)
+    assert name in filled(number_bins("float_add", operands, UNITS["float_add"].model(operands))[group])
+
+
+def test_classes_have_signs() -> None:
+    values = np.array([0.0, -0.0, 1e-40, -1.0, np.inf, np.nan], dtype=FLOAT["z"])
+    assert filled(signed(values)) == {"+zero", "-zero", "+subnormal", "-normal", "+infinite", "NaN"}
+
+
+def test_groups_are_noted_and_added_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "bins.jsonl"
+    note(lambda: pytest.fail("nobody wants them"))
+    monkeypatch.setenv(BINS, str(path))
+    for value in (1, 0):
+        note(lambda value=value: {"group": cases(one_thing=np.array([value, 1]), other=np.array([0]))})
+    assert json.loads(path.read_text().splitlines()[0]) == {"group": {"one thing": 2, "other": 0}}
+    assert noted(path) == {"group": {"one thing": 3, "other": 0}}
+    assert together([{"a": {"b": 1}}, {"c": {"d": 2}}]) == {"a": {"b": 1}, "c": {"d": 2}}
