@@ -59,16 +59,18 @@ def run(
             raise InputError(f"fault {one.name}: its text is {found} times in {one.file}; bring the list up to date")
     rows: dict[int, dict[str, Any]] = {}
     with ThreadPoolExecutor(jobs) as pool:
-        checks = list(dict.fromkeys(check for one in chosen for check in one.checks))
-        sound = {pool.submit(_fails, None, check): check for check in checks}
-        for future in as_completed(sound):
-            if future.result():
-                pool.shutdown(cancel_futures=True)
-                raise InputError(f"{sound[future]}: fails without any fault; mend that first")
-        faults = {pool.submit(_row, one): k for k, one in enumerate(chosen)}
-        for fault in as_completed(faults):
-            rows[faults[fault]] = fault.result()
-            done(rows[faults[fault]])
+        try:
+            checks = list(dict.fromkeys(check for one in chosen for check in one.checks))
+            sound = {pool.submit(_fails, None, check): check for check in checks}
+            for future in as_completed(sound):
+                if future.result():
+                    raise InputError(f"{sound[future]}: fails without any fault; mend that first")
+            faults = {pool.submit(_row, one): k for k, one in enumerate(chosen)}
+            for fault in as_completed(faults):
+                rows[faults[fault]] = fault.result()
+                done(rows[faults[fault]])
+        finally:
+            pool.shutdown(cancel_futures=True)  # after an interrupt or an error nothing new is begun
     return [rows[k] for k in range(len(chosen))]
 
 

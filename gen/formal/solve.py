@@ -70,9 +70,12 @@ def solve(
     try:
         with ThreadPoolExecutor(jobs) as pool:
             futures = {pool.submit(_one, one, solver, folder): k for k, (one, solver) in enumerate(runs)}
-            for future in as_completed(futures):
-                outcomes[futures[future]] = future.result()
-                done(outcomes[futures[future]])
+            try:
+                for future in as_completed(futures):
+                    outcomes[futures[future]] = future.result()
+                    done(outcomes[futures[future]])
+            finally:
+                pool.shutdown(cancel_futures=True)  # after an interrupt or a fault nothing new is begun
     finally:
         shutil.rmtree(programs, ignore_errors=True)
     return [outcomes[k] for k in range(len(runs))]
