@@ -8,7 +8,7 @@ import pytest
 
 from golden_model.formats import FLOAT
 from golden_model.units import UNITS
-from verif.coverage import BINS, StreamCycles, cases, note, noted, together
+from verif.coverage import BINS, Groups, StreamCycles, cases, note, noted, together
 from verif.number_bins import BINS as NUMBER_BINS
 from verif.number_bins import number_bins, rounding, signed
 from verif.ray_bins import BINS as RAY_BINS
@@ -71,12 +71,17 @@ def test_classes_have_signs() -> None:
     assert filled(signed(values)) == {"+zero", "-zero", "+subnormal", "-normal", "+infinite", "NaN"}
 
 
+def unwanted() -> Groups:
+    raise AssertionError("nobody wants them")
+
+
 def test_groups_are_noted_and_added_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "bins.jsonl"
-    note(lambda: pytest.fail("nobody wants them"))
+    note(unwanted)
     monkeypatch.setenv(BINS, str(path))
     for value in (1, 0):
-        note(lambda value=value: {"group": cases(one_thing=np.array([value, 1]), other=np.array([0]))})
+        bins = cases(one_thing=np.array([value, 1]), other=np.array([0]))
+        note({"group": bins}.copy)
     assert json.loads(path.read_text().splitlines()[0]) == {"group": {"one thing": 2, "other": 0}}
     assert noted(path) == {"group": {"one thing": 3, "other": 0}}
     assert together([{"a": {"b": 1}}, {"c": {"d": 2}}]) == {"a": {"b": 1}, "c": {"d": 2}}
