@@ -1,6 +1,7 @@
 """What the box test needs of a ray; reads side by side with `golden_model.box_setup`, which explains it."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from amaranth import Cat, Const, Mux, Value
@@ -9,7 +10,9 @@ from golden_model.formats import LATTICE_BITS, POSITION_BITS, SCALE_BIAS, SLOPE_
 from rtl.config import Config
 from rtl.dataflow import Dataflow, DataflowCore, Node
 from rtl.float_flow import FloatFlow, exponent
-from rtl.operators.fields import INFINITY
+from rtl.operators.fields import FLOAT32, INFINITY
+from rtl.operators.float_add import FloatAdd
+from rtl.operators.float_multiply import FloatMultiply
 from rtl.pipeline import stage_cuts
 from rtl.ray_setup import canonical
 from rtl.ray_time import aligned, floor, rounded_both_ways
@@ -26,11 +29,21 @@ REACH = 126 + LATTICE_BITS
 """An origin whose biased exponent is above this plus the lattice's makes the ray coarse."""
 
 
+def add_depth(config: Config) -> int:
+    """Stages of a subtractor here."""
+    return min(config.add_depth + 1, len(FloatAdd.steps(FLOAT32)))
+
+
+def multiply_depth(config: Config) -> int:
+    """Stages of a multiplier here."""
+    return min(config.multiply_depth + 1, len(FloatMultiply.steps(FLOAT32)))
+
+
 class BoxSetup(DataflowCore):
     """One ray a cycle: 3 subtractors, 4 multipliers, 4 shifters.
 
     Stages: the longer of `add_depth` and two for the scale, or one for the rate and `multiply_depth`; then
-    `convert_depth`.
+    `convert_depth`. Operators have a stage more than elsewhere, as far as they can: a ray is set up but once.
     """
 
     unit_name = "box_setup"
@@ -48,7 +61,7 @@ class BoxSetup(DataflowCore):
         lattice_origin: list[Node],
         lattice_exponent: Node,
     ) -> Mapping[str, Any]:
-        f = FloatFlow(flow, config)
+        f = FloatFlow(flow, replace(config, add_depth=add_depth(config), multiply_depth=multiply_depth(config)))
         cuts = stage_cuts(2, config.convert_depth)
 
         moved = [f.subtract(f"moved{k}", origin[k], lattice_origin[k]) for k in range(3)]

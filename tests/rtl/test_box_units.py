@@ -14,6 +14,7 @@ from golden_model.bitpack import equal, pack, unpack
 from golden_model.formats import NODE_HITS, WIDTH
 from golden_model.units import UNITS
 from rtl.box_axis import STEPS
+from rtl.box_setup import add_depth, multiply_depth
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
 from rtl.node_test import NodeTest
@@ -84,7 +85,7 @@ def test_latencies(config: Config) -> None:
     latency = {unit: CATALOGUE[unit](config).latency for unit in VECTORS}
     assert latency == {
         "ray_time": config.multiply_depth + config.convert_depth,
-        "box_setup": max(config.add_depth + 2, config.multiply_depth + 1) + config.convert_depth,
+        "box_setup": max(add_depth(config) + 2, multiply_depth(config) + 1) + config.convert_depth,
         "node_test": config.node_test_depth,
     }
 
