@@ -17,7 +17,7 @@ class Config:
     """float_difference_of_products, 0 to 8."""
     multiplier_blocks: bool = False
     """Products of float32 numbers written for an FPGA's multiplier blocks, not as adders."""
-    divide_depth: int = 10
+    divide_depth: int = 14
     """float_divide, also inside ray_setup, 0 to 28: a bit of the quotient a step."""
     reciprocal_depth: int = 7
     """The reciprocal inside ray_triangle, 0 to 13: 1, 2, 3, 6 or 12 digits of two bits a stage, and a stage to round."""
