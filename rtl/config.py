@@ -20,7 +20,7 @@ class Config:
     divide_depth: int = 14
     """float_divide, also inside ray_setup, 0 to 28: a bit of the quotient a step."""
     reciprocal_depth: int = 7
-    """The reciprocal inside ray_triangle, 0 to 13: 1, 2, 3, 6 or 12 digits of two bits a stage, and a stage to round."""
+    """The reciprocal inside ray_triangle, 0 to 13: 1, 2, 3, 6 or 12 digits of two bits a stage, one stage to round."""
     sqrt_depth: int = 9
     """float_sqrt, 0 to 27: a bit of the root a step."""
     compare_depth: int = 1
