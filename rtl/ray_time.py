@@ -28,7 +28,7 @@ class RayTime(DataflowCore):
     unit_name = "ray_time"
 
     def compute(self, flow: Dataflow, config: Config, *, t: Node, rate: Node, scale: Node) -> Mapping[str, Any]:
-        return rounded_both_ways(flow, config, FloatFlow(flow, config).multiply("product", t, rate), scale)
+        return rounded_both_ways(flow, config, FloatFlow(flow, config).multiply("scaled", t, rate), scale)
 
 
 def rounded_both_ways(flow: Dataflow, config: Config, product: Node, scale: Node) -> dict[str, Node]:
