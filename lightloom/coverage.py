@@ -144,13 +144,21 @@ def faults(report: dict[str, Any]) -> list[str]:
 def _possible(unit: str, bins: Groups) -> Groups:
     """The streams' bins but for those that a pipeline without a queue does not have.
 
-    It stops as a whole, so its input is held exactly while its output is, and nothing moves then.
+    It stops as a whole. One that takes an operation a cycle holds its input exactly while its output is held; one that
+    takes an operation every other cycle moves neither side in two cycles in a row.
     """
-    if CATALOGUE[unit](PRESETS[PRESET]).initiation_interval != 1:
-        return bins
-    never = ("held, idle", "held, moves", "moves, held")
-    both = {name: count for name, count in bins["input and output"].items() if name not in never}
-    return bins | {"input and output": both}
+    if CATALOGUE[unit](PRESETS[PRESET]).initiation_interval == 1:
+        never = {"input and output": ("held, idle", "held, moves", "moves, held")}
+    else:
+        never = {
+            "input and output": ("moves, moves", "moves, held"),
+            "input": ("moves, then moves",),
+            "output": ("moves, then moves", "moves, then held"),
+        }
+    return {
+        group: {name: count for name, count in named.items() if count or name not in never.get(group, ())}
+        for group, named in bins.items()
+    }
 
 
 def _tried(unit: str, verilog: str) -> Groups:
