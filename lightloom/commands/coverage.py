@@ -37,7 +37,6 @@ def coverage(
       lightloom coverage --json > coverage.json
     """
     from gen.coverage_page import coverage_page
-
     from golden_model.outputs import whole_folder
     from lightloom.console import Progress, json_text, print_json, print_table
     from lightloom.coverage import faults, measure, report_of
