@@ -161,7 +161,7 @@ def properties() -> list[Property]:
                 reach=12,
                 quick=False,
             )
-            for misses, requests, depth in ((1, 2, 12), (2, 3, 10))
+            for misses, requests, depth in ((1, 2, 12), (2, 3, 8))
         ),
         Property(
             unit="block_cache",
