@@ -13,7 +13,6 @@ from gen.formal.bench import Bench
 from gen.formal.properties import Combinational, Property
 from rtl.operators.float_add import FloatAdd
 from rtl.operators.float_compare import FloatCompare
-from rtl.operators.float_difference_of_products import FloatDifferenceOfProducts
 from rtl.operators.float_divide import FloatDivide
 from rtl.operators.float_minmax import FloatMinmax
 from rtl.operators.float_multiply import FloatMultiply
@@ -111,21 +110,6 @@ def sqrt() -> Bench:
     return bench
 
 
-def difference_of_products() -> Bench:
-    bench, z, (a, b, c, d) = _bench(FloatDifferenceOfProducts(0))
-    sign, sign_y = a.sign ^ b.sign, ~(c.sign ^ d.sign)
-    infinite, infinite_y = a.infinite | b.infinite, c.infinite | d.infinite
-    nan = Cat(one.nan for one in (a, b, c, d)).any()
-    invalid = nan | (a.infinite & b.zero) | (a.zero & b.infinite) | (c.infinite & d.zero) | (c.zero & d.infinite)
-    invalid |= infinite & infinite_y & (sign ^ sign_y)
-    bench.require("nan", invalid == (z == NAN))
-    bench.require("infinite_first", invalid | ~infinite | (z == infinity(sign)))
-    bench.require("infinite_second", invalid | ~infinite_y | (z == infinity(sign_y)))
-    zeros = (a.zero | b.zero) & (c.zero | d.zero)
-    bench.require("zeros", invalid | ~zeros | (z == zero(sign & sign_y)))
-    return bench
-
-
 def compare() -> Bench:
     core = FloatCompare(0)
     bench, _, (a, b) = _bench(core)
@@ -159,7 +143,6 @@ BENCHES: dict[str, Callable[[], Bench]] = {
     "float_multiply": multiply,
     "float_divide": divide,
     "float_sqrt": sqrt,
-    "float_difference_of_products": difference_of_products,
     "float_compare": compare,
     "float_minmax": minmax,
 }
