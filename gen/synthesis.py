@@ -4,7 +4,7 @@ In steps, each in a folder and each leaving files that the next one reads, so th
 libraries:
 
     elaborate   <unit>.v -> gates.il: gates of Yosys's own, flip-flops, memories that are kept out
-    count       gates.il -> gate equivalents
+    count       <unit>.v -> gate equivalents
     parts       <unit>.v -> gate equivalents of its modules
     mapped      gates.il -> mapped.v, cells of a library, and their area
 
@@ -41,6 +41,8 @@ TRANSISTORS_A_GATE = 4
 
 # Every register as a plain flip-flop: its enable and its reset become gates that are counted like all others.
 PLAIN_FLIP_FLOPS = "dfflegalize -cell $_DFF_P_ x\nopt_clean\n"
+
+FLATTEN = "setattr -mod -unset keep_hierarchy *\nflatten\n"
 
 MAPPING = "strash\ndch\nmap -B 0.9\ntopo\nbuffer -c -N 16\nupsize\ndnsize\n"
 """ABC's steps to a library. Without the buffers, nets of high fan-out ruin the timing."""
@@ -102,16 +104,18 @@ def elaborate(verilog: str, top: str, folder: Path, memory_bits: int) -> Elabora
     Yosys is missing.
     """
     (folder / "unit.v").write_text(verilog, encoding="utf-8")
-    script, memories = _script(verilog, top, folder, memory_bits, "flat")
-    tools.yosys(f"{script}write_rtlil gates.il\ntee -q -o gates.json stat -json\n", folder, "elaborate")
+    script, memories = _script(verilog, top, folder, memory_bits, "shared")
+    tools.yosys(f"{script}write_rtlil gates.il\n{FLATTEN}tee -q -o gates.json stat -json\n", folder, "elaborate")
     cells = _cells(folder / "gates.json", top)
     return Elaborated(sum(cells.values()) - sum(_without_flip_flops(cells).values()), tuple(memories))
 
 
-def count(folder: Path, top: str) -> Gates:
-    """Gate equivalents of gates.il in `folder`."""
+def count(verilog: str, top: str, folder: Path, memory_bits: int) -> Gates:
+    """Gate equivalents of the module `top`, flattened first, as publications count them."""
+    (folder / "unit.v").write_text(verilog, encoding="utf-8")
+    elaborated, _ = _script(verilog, top, folder, memory_bits, "flat")
     logic, everything = (COUNT.format(file=name) for name in ("logic.json", "everything.json"))
-    script = f"read_rtlil gates.il\nabc\nopt -fast\ndesign -save fast\n{logic}"
+    script = f"{elaborated}abc\nopt -fast\ndesign -save fast\n{logic}"
     tools.yosys(f"{script}design -load fast\n{PLAIN_FLIP_FLOPS}{everything}", folder, "count")
     return Gates(
         logic=_gates(_without_flip_flops(_cells(folder / "logic.json", top))),
@@ -119,11 +123,20 @@ def count(folder: Path, top: str) -> Gates:
     )
 
 
+HIERARCHY = {
+    "flat": (" -flatten", ""),
+    # All but what is there several times, or could be: the cores, whose modules are named <unit>_…
+    "shared": (" -flatten", "setattr -mod -set keep_hierarchy 1 {top}_*\n"),
+    "hierarchical": ("", ""),
+}
+"""What is flattened: an option of `synth`, and what goes before it."""
+
+
 def _script(verilog: str, top: str, folder: Path, memory_bits: int, name: str) -> tuple[str, list[Memory]]:
     """A script that leaves Yosys with the design's gates, and the memories that are not in it."""
-    flatten = " -flatten" if name == "flat" else ""
+    flatten, before = HIERARCHY[name]
     synth = SYNTH.format(top=top) + flatten
-    read = f"read_verilog unit.v\nhierarchy -top {top}\n"
+    read = f"read_verilog unit.v\nhierarchy -top {top}\n{before.format(top=top)}"
     # Where things come from in the Verilog is of no use to anybody, and most of the text of a design.
     forget = "setattr -unset src\nsetattr -unset src *\n"
     if not MEMORY.search(verilog):
@@ -175,8 +188,9 @@ dfflibmap {_liberties(sequential)}
 # Registers are named after what they hold, so that a critical path reads in the unit's own names.
 splitnets
 rename -wire -suffix _reg t:$_* %n
+# Cores one by one: ABC's sizing ends after a number of steps, which is too few for a large design in one piece.
 abc {_liberties(gates)} -constr mapping.constr -script mapping.abc
-opt_clean -purge
+{FLATTEN}opt_clean -purge
 tee -q -o cells.json stat -json {_liberties(library.file_names)}
 write_verilog -noattr -noexpr -simple-lhs mapped.v
 """

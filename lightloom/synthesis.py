@@ -172,7 +172,9 @@ def measure(unit: str, preset: str, source: Source | None, options: Options, clo
         measured = replace(measured, parts=parts, seconds=measured.seconds + taken)
     if source is not None:
         return _with_library(measured, source, clock or source.period)
-    made, taken = kept(folder / "count.json", lambda: asdict(synthesis.count(folder, unit)))
+    made, taken = kept(
+        folder / "count.json", lambda: asdict(synthesis.count(verilog, unit, folder, options.memory_bits))
+    )
     return replace(measured, gates=Gates(**made), seconds=measured.seconds + taken)
 
 

@@ -59,7 +59,7 @@ def twelve(folder: Path) -> libraries.Library:
 
 def test_gates_are_counted_with_and_without_flip_flops(tmp_path: Path) -> None:
     found = synthesis.elaborate(ADDER, "pair", tmp_path, 256)
-    gates = synthesis.count(tmp_path, "pair")
+    gates = synthesis.count(ADDER, "pair", tmp_path, 256)
     assert found.flip_flops == 3
     assert found.memories == ()
     # An exclusive or is four NANDs; a flip-flop is four gates, its enable a multiplexer besides.
