@@ -237,9 +237,9 @@ def _count_mismatches(run: TraversalRun, counts: np.ndarray) -> int:
     return sum(int(counts[name].sum()) != run.counters[name] for name in COUNTS.names or ())
 
 
-def _config(sweep: Sweep, *, units: int = 1, **fields: int) -> Config:
+def _config(sweep: Sweep, *, units: int = 1, **fields: Any) -> Config:
     """The preset with other parameters, and a tag with room for twice the rays that may be inside."""
-    config = replace(PRESETS[sweep.preset], **dict(sweep.settings), units=units, **fields)
+    config = replace(PRESETS[sweep.preset], units=units, **dict(sweep.settings) | fields)
     return replace(config, tag_width=max(config.tag_width, (2 * config.contexts * units - 1).bit_length()))
 
 

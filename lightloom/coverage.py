@@ -147,6 +147,7 @@ def _possible(unit: str, bins: Groups) -> Groups:
     It stops as a whole. One that takes an operation a cycle holds its input exactly while its output is held; one that
     takes an operation every other cycle moves neither side in two cycles in a row.
     """
+    never: dict[str, tuple[str, ...]]
     if CATALOGUE[unit](PRESETS[PRESET]).initiation_interval == 1:
         never = {"input and output": ("held, idle", "held, moves", "moves, held")}
     else:

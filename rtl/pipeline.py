@@ -8,7 +8,7 @@ carries a tag with each operation.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from amaranth import Module, Signal, Value
+from amaranth import Const, Module, Signal, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -73,6 +73,8 @@ class StepCore(Core):
             values = step(m, self.format, **values)
             if index in cuts:
                 values = {name: register(m, self.en, value, f"s{index}_{name}") for name, value in values.items()}
+            else:
+                values = {name: named(m, value, f"s{index}_{name}") for name, value in values.items()}
         for name in self.unit.output.names or ():
             m.d.comb += getattr(self.o, name).eq(values[name])
         return m
@@ -115,6 +117,16 @@ def register(m: Module, en: Value, value: Any, name: str) -> Signal:
     with m.If(en):
         m.d.sync += held.eq(value)
     return held
+
+
+def named(m: Module, value: Any, name: str) -> Value:
+    """`value` as a signal: an expression that is used in many places is then written, and elaborated, once."""
+    value = Value.cast(value)
+    if isinstance(value, Signal | Const):
+        return value
+    wire = Signal(value.shape(), name=name)
+    m.d.comb += wire.eq(value)
+    return wire
 
 
 class StreamUnit(wiring.Component):

@@ -21,14 +21,15 @@ class RaySetup(DataflowCore):
         self, flow: Dataflow, config: Config, *, origin: list[Node], direction: list[Node], t_min: Node, t_max: Node
     ) -> Mapping[str, Any]:
         f = FloatFlow(flow, config)
-        axis = flow.logic("axis", dominant_axis, *direction)
+        # Registers where choices meet long logic; those before the reciprocals are done cost no latency.
+        axis = flow.logic("axis", dominant_axis, *direction, stage=True)
         flip = flow.logic("flip", lambda axis, x, y, z: select(axis, x, y, z)[31], axis, *direction)
         kx = flow.logic("kx", lambda axis, flip: Mux(flip, previous_axis(axis), next_axis(axis)), axis, flip)
         ky = flow.logic("ky", lambda axis, flip: Mux(flip, next_axis(axis), previous_axis(axis)), axis, flip)
         finite = flow.logic("finite", lambda x, y, z: is_finite(x) & is_finite(y) & is_finite(z), *direction)
 
         inverse = [f.reciprocal(f"inverse{k}", direction[k]) for k in range(3)]
-        sz = flow.logic("sz", select, axis, *inverse)
+        sz = flow.logic("sz", select, axis, *inverse, stage=True)
         sx = f.multiply("sx", flow.logic("direction_kx", select, kx, *direction), sz)
         sy = f.multiply("sy", flow.logic("direction_ky", select, ky, *direction), sz)
         valid = flow.logic("valid", lambda finite, sz: finite & is_finite(sz) & ~is_zero(sz), finite, sz)

@@ -86,7 +86,6 @@ class RayTriangle(DataflowCore):
             "front": flow.logic("front", lambda hit, positive: hit & positive, hit, positive),
         }
 
-
     def scaled(self, f: FloatFlow, name: str, depth: Node, sz: Node) -> Node:
         """depth * sz."""
         return f.multiply(name, depth, sz)

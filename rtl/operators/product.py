@@ -23,11 +23,17 @@ def product_rows(m: Module, x: Value, triple_x: Value, y: Value, name: str) -> t
     for place in range(0, len(y), 2):
         low, high = y[place], y[place + 1] if place + 1 < len(y) else Const(0, 1)
         row = Signal(len(x) + 2, name=f"{name}_row{place}")
-        m.d.comb += row.eq(
-            (x & (low & ~high).replicate(len(row)))
-            | (Cat(Const(0, 1), x) & (high & ~low).replicate(len(row)))
-            | (triple_x & (high & low).replicate(len(row)))
-        )
+        once, twice, thrice = (Signal(name=f"{name}_{part}{place}") for part in ("once", "twice", "thrice"))
+        m.d.comb += [
+            once.eq(low & ~high),
+            twice.eq(high & ~low),
+            thrice.eq(high & low),
+            row.eq(
+                (x & once.replicate(len(row)))
+                | (Cat(Const(0, 1), x) & twice.replicate(len(row)))
+                | (triple_x & thrice.replicate(len(row)))
+            ),
+        ]
         rows.append(Cat(Const(0, place), row)[:width])
     return sum_rows(m, rows, width, name)
 

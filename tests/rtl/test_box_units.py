@@ -4,6 +4,7 @@ import dataclasses
 import gc
 import warnings
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -109,7 +110,7 @@ def test_every_depth(depth: int) -> None:
         ({"node_test_depth": -1}, "node_test: depth must be 0 to 15, not -1"),
     ],
 )
-def test_parameters_out_of_range_are_refused(change: dict[str, int], message: str) -> None:
+def test_parameters_out_of_range_are_refused(change: dict[str, Any], message: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UnusedElaboratable)  # of the refused one
         with pytest.raises(ValueError, match=message):

@@ -4,6 +4,7 @@ import dataclasses
 import gc
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,7 +29,8 @@ DEPTHS = [field.name for field in dataclasses.fields(Config) if field.name.endsw
 
 def combinational() -> Config:
     """Depth 0 everywhere: what the deepest logic computes."""
-    return dataclasses.replace(PRESETS["tiny"], **dict.fromkeys(DEPTHS, 0))
+    depths: dict[str, Any] = dict.fromkeys(DEPTHS, 0)
+    return dataclasses.replace(PRESETS["tiny"], **depths)
 
 
 def core_of(name: str) -> type[StepCore]:
