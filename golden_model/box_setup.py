@@ -12,6 +12,7 @@ import numpy as np
 
 from golden_model.floats import float_add, float_multiply, quiet
 from golden_model.formats import (
+    BOX_FRACTION,
     BOX_RAY,
     LATTICE_BITS,
     POSITION_BIAS,
@@ -22,8 +23,6 @@ from golden_model.formats import (
 )
 from golden_model.ray_time import SIGNIFICAND, floor_scaled, ray_time
 
-FRACTION = 2
-"""Bits of the ray's unit below a lattice unit, at coarseness 0."""
 PAD = 21
 """Pad for rounding, in the ray's units: 2**-19 of the greatest reach is 16; 2 for the rounding of the position, 2 for
 that of the slopes, 1 for that of the node's corner."""
@@ -52,7 +51,7 @@ def box_setup(rays: np.ndarray) -> np.ndarray:
     moved = float_add(rays["origin"], rays["lattice_origin"], subtract=True)
     greatest = _exponent(moved).max(axis=1)
     coarseness = coarseness_of(greatest - 126, lattice, LATTICE_BITS)
-    scale = FRACTION - coarseness - lattice
+    scale = BOX_FRACTION - coarseness - lattice
     for k in range(3):
         out["position"][:, k] = POSITION_BIAS + floor_scaled(
             np.ascontiguousarray(moved[:, k]), scale, POSITION_BITS - 1

@@ -6,6 +6,8 @@ with `bits(n)` is n bits wide, and every other field has the width of its NumPy 
 least significant bit upwards, without padding.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 
@@ -201,6 +203,28 @@ TIME = bits(TIME_BITS)
 POSITION_BITS = 23
 POSITION_BIAS = 1 << (POSITION_BITS - 1)
 SLOPE_BITS = 18
+BOX_FRACTION = 2
+"""Bits of the ray's unit below a lattice unit, at coarseness 0."""
+
+
+class BoxWidths(NamedTuple):
+    """Bits of what the box test works on."""
+
+    plane: int
+    """Of a child's plane."""
+    exponent: int
+    """The greatest exponent of a node (a value, not bits)."""
+    slope: int
+    """Of a slope, one of them before the binary point."""
+    short: int
+    """Of the slope's part that multiplies a child's plane."""
+    time: int
+    """Of a distance and its sign."""
+
+
+BOX_WIDTHS = BoxWidths(plane=8, exponent=NODE_EXPONENT_MAX, slope=SLOPE_BITS, short=12, time=TIME_BITS)
+
+
 SCALE_BIAS = 256
 _BOX_RAY = [
     ("position", bits(POSITION_BITS), (3,)),

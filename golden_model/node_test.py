@@ -12,39 +12,19 @@ The steps of one axis are functions of integers: of arrays here, of scalars in `
 of their operands, so that narrow ones can be tried exhaustively.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from golden_model.formats import (
-    NODE_EXPONENT_MAX,
+    BOX_FRACTION,
+    BOX_WIDTHS,
     NODE_HITS,
     POSITION_BIAS,
-    SLOPE_BITS,
     TIME_BITS,
     WIDTH,
+    BoxWidths,
 )
-
-FRACTION = 2
-"""As in `box_setup`."""
-
-
-class Widths(NamedTuple):
-    """Bits of what the box test works on."""
-
-    plane: int
-    """Of a child's plane."""
-    exponent: int
-    """The greatest exponent of a node (a value, not bits)."""
-    slope: int
-    """Of a slope, one of them before the binary point."""
-    short: int
-    """Of the slope's part that multiplies a child's plane."""
-    time: int
-    """Of a distance and its sign."""
-
-
-FULL = Widths(plane=8, exponent=NODE_EXPONENT_MAX, slope=SLOPE_BITS, short=12, time=TIME_BITS)
 
 
 def node_test(tests: np.ndarray) -> np.ndarray:
@@ -59,17 +39,17 @@ def node_test(tests: np.ndarray) -> np.ndarray:
     coarseness, pad = _column(tests["coarseness"]), _column(tests["pad"])
     for k, axis in enumerate("xyz"):
         backwards = _column(tests["backwards"][:, k])
-        exponent = np.minimum(_column(tests["exponent"][:, k]), FULL.exponent)
+        exponent = np.minimum(_column(tests["exponent"][:, k]), BOX_WIDTHS.exponent)
         slope, steepness = _column(tests["slope"][:, k]), _column(tests["steepness"][:, k])
         lower, upper = tests[f"lower_{axis}"].astype(np.int64), tests[f"upper_{axis}"].astype(np.int64)
         position = _column(tests["position"][:, k]) - POSITION_BIAS
 
-        away = corner_distance(_column(tests["origin"][:, k]), exponent, position, backwards, coarseness, FULL)
-        base_near, base_far = base_products(away, pad, slope, FULL)
-        near, far = planes_met(lower, upper, backwards, FULL)
-        plane_near, plane_far = plane_products(near, far, slope, exponent, coarseness, FULL)
-        entry = np.maximum(entry, saturated(base_near + plane_near, steepness, FULL))
-        leave = np.minimum(leave, saturated(base_far + plane_far, steepness, FULL))
+        away = corner_distance(_column(tests["origin"][:, k]), exponent, position, backwards, coarseness, BOX_WIDTHS)
+        base_near, base_far = base_products(away, pad, slope, BOX_WIDTHS)
+        near, far = planes_met(lower, upper, backwards, BOX_WIDTHS)
+        plane_near, plane_far = plane_products(near, far, slope, exponent, coarseness, BOX_WIDTHS)
+        entry = np.maximum(entry, saturated(base_near + plane_near, steepness, BOX_WIDTHS))
+        leave = np.minimum(leave, saturated(base_far + plane_far, steepness, BOX_WIDTHS))
 
     blind = tests["blind"][:, None]
     entry = np.where(blind, 0, entry)
@@ -92,13 +72,15 @@ def _column(field: np.ndarray) -> np.ndarray:
 # --- the steps of one axis: int64 arrays or scalars (so `backwards` is 0 or 1), distances in the ray's units ----------
 
 
-def corner_distance(origin: Any, exponent: Any, position: Any, backwards: Any, coarseness: Any, widths: Widths) -> Any:
+def corner_distance(
+    origin: Any, exponent: Any, position: Any, backwards: Any, coarseness: Any, widths: BoxWidths
+) -> Any:
     """How far, along the ray, the node's corner that it meets first lies beyond its position."""
     corner = origin + backwards * (((1 << widths.plane) - 1) << exponent)
-    return (((corner << FRACTION) >> coarseness) - position) * (1 - 2 * backwards)
+    return (((corner << BOX_FRACTION) >> coarseness) - position) * (1 - 2 * backwards)
 
 
-def base_products(away: Any, pad: Any, slope: Any, widths: Widths) -> tuple[Any, Any]:
+def base_products(away: Any, pad: Any, slope: Any, widths: BoxWidths) -> tuple[Any, Any]:
     """The corner's distance times the slope, less and plus the pad: rounded down and up."""
     # The true slope is at least `slope` and less than `slope + 1`.
     near, far = away - pad, away + pad
@@ -106,23 +88,25 @@ def base_products(away: Any, pad: Any, slope: Any, widths: Widths) -> tuple[Any,
     return (near * (slope + (near < 0))) >> point, ((far * (slope + (far >= 0))) >> point) + 1
 
 
-def planes_met(lower: Any, upper: Any, backwards: Any, widths: Widths) -> tuple[Any, Any]:
+def planes_met(lower: Any, upper: Any, backwards: Any, widths: BoxWidths) -> tuple[Any, Any]:
     """The planes that the ray meets first and last, counted from the corner that it meets first."""
     last = (1 << widths.plane) - 1
     return lower + backwards * (last - upper - lower), upper + backwards * (last - lower - upper)
 
 
-def plane_products(near: Any, far: Any, slope: Any, exponent: Any, coarseness: Any, widths: Widths) -> tuple[Any, Any]:
+def plane_products(
+    near: Any, far: Any, slope: Any, exponent: Any, coarseness: Any, widths: BoxWidths
+) -> tuple[Any, Any]:
     """What the planes add to the corner's distance, rounded down and up."""
     short = slope >> (widths.slope - widths.short)
-    # 2**exponent lattice units are 2**(exponent + FRACTION - coarseness) of the ray's. Shifted left first by what the
-    # greatest exponent needs, so that all shifts that depend on operands go right. From 31 on nothing is left.
-    align = widths.exponent + FRACTION - (widths.short - 1)
+    # 2**exponent lattice units are 2**(exponent + BOX_FRACTION - coarseness) of the ray's. Shifted left first by what
+    # the greatest exponent needs, so that all shifts that depend on operands go right. From 31 on nothing is left.
+    align = widths.exponent + BOX_FRACTION - (widths.short - 1)
     shift = np.minimum(widths.exponent - exponent + coarseness, 31)
     return ((near * short) << align) >> shift, (((far * (short + 1)) << align) >> shift) + 1
 
 
-def saturated(distance: Any, steepness: Any, widths: Widths) -> Any:
+def saturated(distance: Any, steepness: Any, widths: BoxWidths) -> Any:
     """distance * 2**steepness saturated to the bits of a time, with the bias added."""
     bias = 1 << (widths.time - 1)
     return np.minimum(np.maximum(distance << steepness, -bias), bias - 1) + bias

@@ -16,7 +16,7 @@ from golden_model.formats import BOX_RAY, NODE_EXPONENT_MAX, POSITION_BIAS, WIDT
 SOURCES: tuple[ModuleType, ...] = (formats, node_test)
 """Modules whose functions and constants are compiled in here, besides this one."""
 
-FULL = node_test.FULL
+BOX_WIDTHS = node_test.BOX_WIDTHS
 
 compiled = numba.njit(error_model="numpy")
 corner_distance = compiled(node_test.corner_distance)
@@ -43,8 +43,10 @@ def shared_by_planes(ray: Any, node: Any, axis: int) -> tuple[Any, Any, Any, Any
     slope, steepness = np.int64(ray.slope[axis]), np.int64(ray.steepness[axis])
     position = np.int64(ray.position[axis]) - POSITION_BIAS
     exponent = min(np.int64(node.exponent[axis]), NODE_EXPONENT_MAX)
-    away = corner_distance(np.int64(node.origin[axis]), exponent, position, backwards, np.int64(ray.coarseness), FULL)
-    base_near, base_far = base_products(away, np.int64(ray.pad), slope, FULL)
+    away = corner_distance(
+        np.int64(node.origin[axis]), exponent, position, backwards, np.int64(ray.coarseness), BOX_WIDTHS
+    )
+    base_near, base_far = base_products(away, np.int64(ray.pad), slope, BOX_WIDTHS)
     return base_near, base_far, slope, steepness, exponent, backwards
 
 
@@ -52,10 +54,10 @@ def shared_by_planes(ray: Any, node: Any, axis: int) -> tuple[Any, Any, Any, Any
 def cut(shared: Any, coarseness: Any, lower: Any, upper: Any, entry: Any, leave: Any) -> tuple[Any, Any]:
     """The part of a ray from `entry` to `leave` that lies between a box's planes of an axis."""
     base_near, base_far, slope, steepness, exponent, backwards = shared
-    near, far = planes_met(np.int64(lower), np.int64(upper), backwards, FULL)
-    plane_near, plane_far = plane_products(near, far, slope, exponent, coarseness, FULL)
-    entry = max(entry, saturated(base_near + plane_near, steepness, FULL))
-    return entry, min(leave, saturated(base_far + plane_far, steepness, FULL))
+    near, far = planes_met(np.int64(lower), np.int64(upper), backwards, BOX_WIDTHS)
+    plane_near, plane_far = plane_products(near, far, slope, exponent, coarseness, BOX_WIDTHS)
+    entry = max(entry, saturated(base_near + plane_near, steepness, BOX_WIDTHS))
+    return entry, min(leave, saturated(base_far + plane_far, steepness, BOX_WIDTHS))
 
 
 @compiled

@@ -138,3 +138,27 @@ SYSTEMS: dict[str, System] = {
 }
 
 ALL: dict[str, Unit | System] = {**UNITS, **SYSTEMS}
+
+COUNTERS: dict[str, str] = {
+    "cycles": "cycles in which a ray was in the unit",
+    "rays": "results given",
+    "node_tests": "nodes visited",
+    "revisits": "of these again, for the rest of their children",
+    "triangle_tests": "triangles tested",
+    "leaf_visits": "blocks of triangles visited",
+    "node_busy": "cycles in which a block entered the node test",
+    "node_starved": "cycles in which there was none",
+    "node_stalled": "cycles in which the node test had to wait for the stacks",
+    "triangle_busy": "cycles in which a triangle entered the triangle test",
+    "triangle_starved": "cycles in which there was no block of triangles",
+    "triangle_stalled": "cycles for a block of which the ray sees no triangle, and of waiting where a test takes two",
+    "node_hits": "blocks found in the node cache",
+    "node_misses": "blocks that the node cache asked the memory for",
+    "node_merged": "blocks that it was waiting for already",
+    "triangle_hits": "blocks found in the triangle cache",
+    "triangle_misses": "blocks that the triangle cache asked the memory for",
+    "triangle_merged": "blocks that it was waiting for already",
+    "beats": "beats of data from the memory",
+    "errors": "rays that failed",
+}
+"""Name and meaning of every counter of the traversal unit; busy, starved and stalled cycles add up to `cycles`."""

@@ -15,10 +15,10 @@ from sim.bulk import BulkUnit
 from sim.coverage import exclusions, read_points, share, untaken
 from sim.emitted import emitted
 from sim.runner import run_bench
+from sim.traversal_bench import SMALL, run_traversal_bench
 from verif.coverage import Groups, noted, together
 from verif.number_bins import number_bins
 from verif.ray_bins import ray_bins
-from verif.traversal_bench import SMALL, run_traversal_bench
 from verif.unit_vectors import many_vectors, unit_vectors
 
 SEED = 2024

@@ -14,8 +14,7 @@ from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import LATTICE_BITS, POSITION_BITS
-from golden_model.node_test import FRACTION, FULL, Widths
+from golden_model.formats import BOX_FRACTION, BOX_WIDTHS, LATTICE_BITS, POSITION_BITS, BoxWidths
 from rtl.dataflow import Dataflow, Node
 from rtl.operators.fields import add_with_carry
 from rtl.operators.product import product_rows, sum_rows, triple
@@ -32,7 +31,7 @@ STEPS = len(DELAYS)
 class AxisWidths:
     """Bits of what the box test works on; those of the true one by default."""
 
-    arithmetic: Widths = FULL
+    arithmetic: BoxWidths = BOX_WIDTHS
     lattice: int = LATTICE_BITS
     """Of a node's origin."""
     position: int = POSITION_BITS
@@ -44,7 +43,7 @@ class AxisWidths:
     @property
     def align(self) -> int:
         """Places that a plane's product is shifted left before it is shifted right, so that all shifts go one way."""
-        return self.arithmetic.exponent + FRACTION - (self.arithmetic.short - 1)
+        return self.arithmetic.exponent + BOX_FRACTION - (self.arithmetic.short - 1)
 
     @property
     def corner(self) -> int:
@@ -55,7 +54,7 @@ class AxisWidths:
     @property
     def way(self) -> int:
         """Of the way from a ray's position to a corner, signed."""
-        return max(self.corner + FRACTION, self.position) + 1
+        return max(self.corner + BOX_FRACTION, self.position) + 1
 
     @property
     def total(self) -> int:
@@ -198,7 +197,7 @@ def limited(widths: AxisWidths, exponent: Value) -> Value:
 
 def in_units(widths: AxisWidths, corner: Value, coarseness: Value) -> Value:
     """In the ray's units."""
-    return Cat(Const(0, FRACTION), corner) >> coarseness
+    return Cat(Const(0, BOX_FRACTION), corner) >> coarseness
 
 
 def way_to(

@@ -6,7 +6,7 @@ from typing import Any
 
 from amaranth import Cat, Const, Mux, Value
 
-from golden_model.formats import LATTICE_BITS, POSITION_BITS, SCALE_BIAS, SLOPE_BITS
+from golden_model.formats import BOX_FRACTION, LATTICE_BITS, POSITION_BITS, SCALE_BIAS, SLOPE_BITS
 from rtl.config import Config
 from rtl.dataflow import Dataflow, DataflowCore, Node
 from rtl.float_flow import FloatFlow, exponent
@@ -18,8 +18,6 @@ from rtl.ray_setup import canonical
 from rtl.ray_time import aligned, floor, rounded_both_ways
 from rtl.ray_triangle import select
 
-FRACTION = 2
-"""Bits of the ray's unit below a lattice unit, at coarseness 0."""
 PAD = 21
 UNDERFLOW = -26
 BLIND_SHIFT = 20
@@ -113,8 +111,8 @@ def coarseness_of(greatest: Value, lattice_exponent: Value) -> Value:
 
 def scale_of(greatest: Value, lattice_exponent: Value) -> Value:
     """9 bits. The lesser of the scale without coarseness and that at which the origin just has room."""
-    fine = FRACTION + SCALE_BIAS - lattice_exponent.as_signed()
-    fitting = FRACTION + SCALE_BIAS + REACH - greatest
+    fine = BOX_FRACTION + SCALE_BIAS - lattice_exponent.as_signed()
+    fitting = BOX_FRACTION + SCALE_BIAS + REACH - greatest
     return Mux(fine < 0, 0, Mux(fine < fitting, fine[:9], fitting[:9]))
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
+from gen.manifest import manifest
 from golden_model import bitpack
 from golden_model.errors import InputError
 from golden_model.units import UNITS
-from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
 from sim import verilated
 from sim.emitted import emitted
@@ -43,7 +43,7 @@ class BulkUnit:
         """The text that is simulated; tests pass a deliberately broken one."""
         self._binaries: dict[bool, Path] = {}
         # A unit that does not take an operation every cycle stalls its input by itself.
-        self._stalling = CATALOGUE[unit](config).initiation_interval > 1
+        self._stalling = manifest(unit, config)["initiation_interval"] > 1
         self._binary(stalls=self._stalling)
         self.throughput = 0.0
         self.cycles = 0

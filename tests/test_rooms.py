@@ -14,9 +14,9 @@ MAY_IMPORT = {
     "golden_model": {"golden_model"},
     "rtl": {"rtl"} | MODEL_TABLES,
     "gen": {"gen", "rtl", "golden_model"},
-    "sim": {"sim", "gen", "rtl.config", "golden_model"},
+    "sim": {"sim", "gen", "rtl.config", "golden_model", "verif.coverage"},
     "verif": {"verif", "golden_model"},
-    "lightloom": {"lightloom", "golden_model", "rtl", "gen", "sim", "verif.unit_vectors"},
+    "lightloom": {"lightloom", "golden_model", "rtl", "gen", "sim", "verif"},
     "tests": {"tests", "lightloom", "golden_model", "rtl", "gen", "sim", "verif"},
 }
 

@@ -32,9 +32,9 @@ from golden_model.formats import (
 )
 from golden_model.ray_families import RAY_FAMILIES
 from golden_model.scene import load_scene
+from golden_model.units import COUNTERS
 from golden_model.wide_bvh import WideBvh, build_wide
 from golden_model.wide_traversal import COUNTS, queries_of, trace_tree
-from rtl.traversal.counters import COUNTERS
 from verif.axi_slave import AxiSlave, Manner
 from verif.bench import payloads
 from verif.coverage import StreamCycles, note

@@ -7,10 +7,10 @@ import numpy as np
 
 from gen.formal.all_inputs import Gates
 from gen.formal.properties import Exhaustive, Property
-from golden_model.node_test import FRACTION, Widths
+from golden_model.formats import BOX_FRACTION, BoxWidths
 from rtl.box_axis import AxisWidths, BoxAxis
 
-TINY = AxisWidths(arithmetic=Widths(plane=2, exponent=2, slope=4, short=3, time=8), lattice=3, position=6, pad=3)
+TINY = AxisWidths(arithmetic=BoxWidths(plane=2, exponent=2, slope=4, short=3, time=8), lattice=3, position=6, pad=3)
 PAD = 5
 """All of it for roundings: of the set-up, and at most one unit of the corner's in the box test."""
 MARGIN = PAD - 1
@@ -36,7 +36,7 @@ def encloses(widths: AxisWidths, free: Mapping[str, int]) -> str:
         for side, first, sign in (("near", "lower", 1), ("far", "upper", -1)):
             other = "upper" if first == "lower" else "lower"
             plane = i["origin"] + np.where(forward, i[first], i[other]) * step
-            way = turn * ((plane << FRACTION) - (i["position"] - (1 << (widths.position - 1))) * unit)
+            way = turn * ((plane << BOX_FRACTION) - (i["position"] - (1 << (widths.position - 1))) * unit)
             found = o[side] - bias
             for slope in (i["slope"], i["slope"] + 1):  # the distance is linear in the ratio: its ends are enough
                 exact = (way - sign * MARGIN * unit) * slope << i["steepness"]

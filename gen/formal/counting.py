@@ -6,9 +6,10 @@ from amaranth import Array, Mux, Signal
 
 from gen.formal.bench import Bench
 from gen.formal.properties import Induction, Property
+from golden_model.units import COUNTERS
 from rtl.axi import AxiRead
 from rtl.block_fill import BlockFill
-from rtl.traversal.counters import COUNTER_BITS, COUNTERS, Counters
+from rtl.traversal.counters import COUNTER_BITS, Counters
 
 
 def counters() -> Bench:

@@ -7,12 +7,13 @@ from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import RAY_QUERY, RAY_RESULT
+from golden_model.units import COUNTERS
 from rtl.axi_read_arbiter import AxiReadArbiter
 from rtl.config import Config
 from rtl.layouts import packet_of
 from rtl.one_hot import any_of, next_of
 from rtl.queues import Buffer
-from rtl.traversal.counters import COUNTER_BITS, COUNTERS
+from rtl.traversal.counters import COUNTER_BITS
 from rtl.traversal.unit import Traversal
 
 

@@ -7,6 +7,7 @@ from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import LEAF_RAY, RAY_QUERY, RAY_RESULT
+from golden_model.units import COUNTERS
 from rtl.axi_read_arbiter import AxiReadArbiter
 from rtl.block_cache import BlockCache
 from rtl.config import Config
@@ -14,7 +15,7 @@ from rtl.header_reader import HeaderReader
 from rtl.layouts import packet_of
 from rtl.queues import Queue, number_width
 from rtl.traversal.control import Control
-from rtl.traversal.counters import COUNTER_BITS, COUNTERS, Counters
+from rtl.traversal.counters import COUNTER_BITS, Counters
 from rtl.traversal.intake import LATTICE, Intake
 from rtl.traversal.leaf import LeafStage
 from rtl.traversal.loader import Loader

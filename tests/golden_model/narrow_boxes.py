@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from golden_model.box_setup import FRACTION, slope_of
-from golden_model.node_test import Widths
+from golden_model.box_setup import slope_of
+from golden_model.formats import BOX_FRACTION, BoxWidths
 from golden_model.ray_time import floor_shifted
 
 
@@ -19,7 +19,7 @@ class Narrow:
 
     bits: int
     """M."""
-    widths: Widths
+    widths: BoxWidths
 
     @property
     def lattice_bits(self) -> int:
@@ -44,9 +44,9 @@ class Narrow:
         return 1 << (self.bits + 1)
 
 
-TINY = Narrow(7, Widths(plane=2, exponent=2, slope=4, short=3, time=8))
-SMALL = Narrow(8, Widths(plane=2, exponent=3, slope=5, short=3, time=9))
-LARGER = Narrow(9, Widths(plane=2, exponent=4, slope=6, short=4, time=10))
+TINY = Narrow(7, BoxWidths(plane=2, exponent=2, slope=4, short=3, time=8))
+SMALL = Narrow(8, BoxWidths(plane=2, exponent=3, slope=5, short=3, time=9))
+LARGER = Narrow(9, BoxWidths(plane=2, exponent=4, slope=6, short=4, time=10))
 
 
 def rounded(x: np.ndarray, bits: int) -> tuple[np.ndarray, np.ndarray]:
@@ -116,5 +116,5 @@ def slope_bounds(narrow: Narrow) -> np.ndarray:
     return out
 
 
-UNIT = 1 << FRACTION
+UNIT = 1 << BOX_FRACTION
 """Units of the ray in a lattice unit, at coarseness 0."""

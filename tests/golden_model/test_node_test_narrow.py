@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from golden_model import box_families, box_setup, node_test
-from golden_model.node_test import FULL
+from golden_model.formats import BOX_WIDTHS
 from tests.golden_model.narrow_boxes import LARGER, SMALL, TINY, UNIT, Narrow, position_bounds, slope_bounds
 
 OWN_ROUNDING = 5
@@ -80,7 +80,7 @@ def violations(narrow: Narrow, pad: int) -> tuple[int, int]:
 
 def test_the_widths_are_those_of_the_true_box_test_made_narrow() -> None:
     """All of them follow from the bits of a significand by the same rules."""
-    true = Narrow(24, FULL)
+    true = Narrow(24, BOX_WIDTHS)
     assert (true.lattice_bits, true.position_bits, true.steepest) == (20, 22, box_setup.STEEPEST)
     for narrow in (true, TINY, SMALL, LARGER):
         widths = narrow.widths

@@ -26,11 +26,11 @@ from golden_model.formats import (
 )
 from golden_model.ray_families import RAY_FAMILIES
 from golden_model.scene import load_scene
+from golden_model.units import COUNTERS
 from golden_model.wide_bvh import build_wide
 from golden_model.wide_traversal import queries_of, trace_tree
 from rtl.config import PRESETS
 from rtl.one_hot import next_of
-from rtl.traversal.counters import COUNTERS
 from rtl.traversal.loader import Loader
 from rtl.traversal.masks import Counts, minus, one_hot, plus
 from rtl.traversal.unit import Traversal

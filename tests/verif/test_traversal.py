@@ -8,8 +8,8 @@ import pytest
 from rtl.config import PRESETS, Config
 from sim.emitted import emitted
 from sim.runner import BenchError
+from sim.traversal_bench import SMALL, TAGS, run_traversal_bench
 from tests.simulators import SIMULATORS, needs_icarus
-from verif.traversal_bench import SMALL, TAGS, run_traversal_bench
 
 TESTS = 26
 BASE = replace(PRESETS["base"], tag_width=TAGS)
