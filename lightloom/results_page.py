@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rtl.catalogue import CATALOGUE
+
 Row = dict[str, Any]
 Report = dict[str, Any]
 Cell = Callable[[Row], object]
@@ -260,10 +262,15 @@ def bars(rows: Sequence[Row]) -> Iterator[str]:
         asked = f"at most {bar.most_gates:,} gates" if bar.least_mhz is None else f"at least {bar.least_mhz:g} MHz"
         missing = ", ".join(f"{row['unit']} {_cell(bar.figure(row))}" for row in found if not bar.met(row))
         figure = f"{_cell(bar.figure(worst))} ({worst['unit']})"
-        lines.append((bar.what, bar.preset, asked, len(found), figure, not missing, missing))
+        left_out = [] if bar.unit else [unit for unit in CATALOGUE if unit not in {row["unit"] for row in found}]
+        met = "no" if missing else "of these" if left_out else "yes"
+        lines.append((bar.what, bar.preset, asked, len(found), figure, met, missing, ", ".join(left_out)))
     if lines:
         yield "## Against the bars\n"
-        yield table(["what", "preset", "bar", "units measured", "worst", "met", "what misses it"], lines) + "\n"
+        yield (
+            table(["what", "preset", "bar", "units measured", "worst", "met", "what misses it", "not measured"], lines)
+            + "\n"
+        )
 
 
 if __name__ == "__main__":

@@ -152,7 +152,7 @@ def test_page_of_results() -> None:
         {"command": "lightloom prove --mutations", "versions": {}, "rows": [{"fault": "sign", "caught by": "proof"}]},
     ]
     page = results_page.page(reports)
-    assert "| a triangle a cycle | base | at most 300,000 gates | 1 | 299,000 (ray_triangle) | yes | - |" in page
+    assert "| a triangle a cycle | base | at most 300,000 gates | 1 | 299,000 (ray_triangle) | yes | - | - |" in page
     assert "at least 1000 MHz | 2 | 900 (ray_setup) | no | ray_setup 900 |" in page
     for title in ("## Gates", "## asap7 typ", "## Netlists against the golden model", "## Proofs", "## Mutations"):
         assert title in page
