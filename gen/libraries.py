@@ -113,18 +113,3 @@ def combinational(library: Library) -> list[str]:
         if len(CELL.findall(text)) > len(STATE.findall(text)):
             names.append(path.name)
     return names
-
-
-def smallest_buffer(library: Library) -> str:
-    """The smallest cell whose output is its one input. Raises InputError where there is none."""
-    found = []
-    for path in library.files:
-        for cell in re.split(CELL, path.read_text(errors="replace"))[1:]:
-            function = re.search(r"\bfunction\s*:\s*\"\s*\(?\s*(\w+)\s*\)?\s*\"", cell)
-            area = re.search(r"^\s*area\s*:\s*([\d.]+)", cell, re.MULTILINE)
-            pins = PIN.findall(cell)
-            if function and area and len(pins) == 2 and function.group(1) in pins and "dont_use : true" not in cell:
-                found.append((float(area.group(1)), cell.partition(")")[0].strip().strip('"')))
-    if not found:
-        raise InputError(f"{library.name}: no cell is a buffer; give the liberty file that has them")
-    return min(found)[1]

@@ -19,7 +19,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from gen import libraries, tools
+from gen import fanout, libraries, tools
 from gen.libraries import Library
 from gen.memories import Memory, cut_out
 
@@ -178,10 +178,14 @@ def mapped(folder: Path, elaborated: Path, library: Library, top: str) -> Mapped
     """
     (folder / "gates.il").write_bytes((elaborated / "gates.il").read_bytes())
     (folder / "mapping.abc").write_text(MAPPING)
+    known = fanout.buffers(library)
     # Else ABC takes the outputs of registers for as strong as can be, and leaves one that drives a hundred cells alone.
-    (folder / "mapping.constr").write_text(f"set_driving_cell {libraries.smallest_buffer(library)}\n")
+    (folder / "mapping.constr").write_text(f"set_driving_cell {known[0].cell}\n")
     sequential, gates = libraries.sequential(library), libraries.combinational(library)
-    read = "\n".join(f"read_liberty -lib -ignore_miss_func {file}" for file in sequential)
+    read, others = (
+        "\n".join(f"read_liberty -lib -ignore_miss_func {file}" for file in files)
+        for files in (sequential, [name for name in library.file_names if name not in sequential])
+    )
     script = f"""read_rtlil gates.il
 {read}
 dfflibmap {_liberties(sequential)}
@@ -191,10 +195,21 @@ rename -wire -suffix _reg t:$_* %n
 # Cores one by one: ABC's sizing ends after a number of steps, which is too few for a large design in one piece.
 abc {_liberties(gates)} -constr mapping.constr -script mapping.abc
 {FLATTEN}opt_clean -purge
-tee -q -o cells.json stat -json {_liberties(library.file_names)}
-write_verilog -noattr -noexpr -simple-lhs mapped.v
+{others}
+write_json netlist.json
 """
     tools.yosys(script, folder, "mapping")
+    netlist = folder / "netlist.json"
+    design = json.loads(netlist.read_text(encoding="utf-8"))
+    fanout.spread(design, top, known)
+    netlist.write_text(json.dumps(design), encoding="utf-8")
+    script = f"""read_json netlist.json
+opt_clean -purge
+tee -q -o cells.json stat -json -top {top} {_liberties(library.file_names)}
+write_verilog -noattr -noexpr -simple-lhs mapped.v
+"""
+    tools.yosys(script, folder, "netlist")
+    netlist.unlink()
     (folder / "gates.il").unlink()
     found = _stat(folder / "cells.json")["modules"][f"\\{top}"]
     # Macros stand beside the cells; they have no area in any of the files.

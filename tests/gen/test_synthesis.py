@@ -2,11 +2,13 @@
 
 import shutil
 import subprocess
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from gen import fpga, libraries, macros, memories, synthesis, timing, tools
+from gen import fanout, fpga, libraries, macros, memories, synthesis, timing, tools
 from gen.memories import Memory
 from golden_model.errors import InputError
 from tests.simulators import needs_icarus
@@ -110,6 +112,28 @@ def test_what_a_flip_flop_drives_is_buffered(tmp_path: Path) -> None:
     # 300 gates behind 19 buffers of 16 cells each, those behind two.
     assert netlist.count("BUF ") >= 19 + 2
     assert found.cells == 301 + 300 + netlist.count("BUF ")
+
+
+@pytest.mark.parametrize("count", [32, 33, 100, 1000])
+def test_trees_on_large_nets(count: int) -> None:
+    """All that a net drove it still drives, through buffers only, and nothing drives too much."""
+
+    def gate(taken: int, made: int) -> dict[str, Any]:
+        ways = {"A": "input", "Y": "output"}
+        return {"type": "INV", "port_directions": ways, "connections": {"A": [taken], "Y": [made]}}
+
+    cells = {"root": gate(2, 3), **{f"leaf{index}": gate(3, 4 + index) for index in range(count)}}
+    module: dict[str, Any] = {"cells": cells, "netnames": {}, "ports": {}}
+    added = fanout.spread({"modules": {"top": module}}, "top", [fanout.Buffer("BUF", 1, "A", "Y", 1, 1000)])
+    assert (added == 0) == (count <= fanout.LARGE)
+    driver = {cell["connections"]["Y"][0]: name for name, cell in cells.items()}
+    driven = Counter(cell["connections"]["A"][0] for cell in cells.values())
+    assert max(driven.values()) <= (fanout.LIMIT if added else count)
+    for index in range(count):
+        name = f"leaf{index}"
+        while name != "root":
+            name = driver[cells[name]["connections"]["A"][0]]
+            assert name == "root" or cells[name]["type"] == "BUF"
 
 
 REPORT = """\
@@ -245,7 +269,7 @@ def test_pdk_by_name(tmp_path: Path) -> None:
     library = libraries.unpack(name, files, period, tmp_path)
     assert library.file_names == ["sg13g2_stdcell_typ_1p20V_25C.lib"]
     assert library.files[0].read_bytes() == TWELVE.read_bytes()
-    assert libraries.smallest_buffer(library) == "BUF"
+    assert [buffer.cell for buffer in fanout.buffers(library)] == ["BUF"]
     assert libraries.sequential(library) == libraries.combinational(library) == library.file_names
     with pytest.raises(InputError, match="holds no sg13g2_stdcell_slow"):
         libraries.of_pdk("ihp-sg13g2", tmp_path, "slow")
