@@ -372,8 +372,8 @@ _MUTATIONS = (
     Mutation(
         name="product-row",
         file=OPERATORS + "product.py",
-        old="(triple_x & (high & low).replicate(len(row)))",
-        new="(triple_x & high.replicate(len(row)))",
+        old="thrice.eq(high & low),",
+        new="thrice.eq(high),",
         what="a digit 2 takes the row of 3 as well",
         checks=("float_multiply/every-6-bit-input",),
     ),

@@ -6,7 +6,6 @@ import os
 import re
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -70,15 +69,13 @@ def test_no_initial_values_and_no_dont_cares(base: Path) -> None:
 
 
 def test_bytes_depend_on_nothing_else(base: Path, tmp_path: Path) -> None:
-    """The same bytes from another process with another hash seed, in less than 20 s when the machine is idle."""
+    """The same bytes from another process with another hash seed."""
     folder = tmp_path / "again"
     script = "import sys; from gen.emit import emit; from rtl.config import PRESETS as p; "
     script += "emit(None, p['base'], 'base', __import__('pathlib').Path(sys.argv[1]))"
     seed = "2" if os.environ.get("PYTHONHASHSEED") == "1" else "1"
-    started = time.perf_counter()
     run = [sys.executable, "-c", script, str(folder)]
     subprocess.run(run, check=True, env={**os.environ, "PYTHONHASHSEED": seed})
-    assert time.perf_counter() - started < 60, "takes about 7 s on an idle machine"
     assert {path.name for path in base.iterdir()} == {path.name for path in folder.iterdir()}
     for path in base.iterdir():
         assert path.read_bytes() == (folder / path.name).read_bytes(), f"{path.name}, hash seed {seed}"
