@@ -102,9 +102,9 @@ def _made_by(reports: Sequence[Report]) -> str:
 
 
 def _sorted(reports: Sequence[Report], name: str) -> list[Row]:
-    """The rows of several reports, one of each kind, presets of a unit together."""
+    """The rows of several reports, of each measurement the last one."""
     found = {
-        (row.get("unit"), row.get("preset"), row.get("memory"), row.get("library")): row
+        tuple(row.get(key) for key in ("unit", "preset", "memory", "library", "device")): row
         for report in reports
         for row in report.get(name, [])
     }
@@ -195,7 +195,7 @@ def page(reports: Sequence[Report]) -> str:
         kinds[kind].append(report)
     parts = [
         PREAMBLE,
-        *bars([row for report in kinds["gates"] + kinds["synth"] + kinds["fpga"] for row in report["rows"]]),
+        *bars(_sorted([*kinds["gates"], *kinds["synth"], *kinds["fpga"]], "rows")),
     ]
     for kind, section in SECTIONS.items():
         if kinds[kind]:
