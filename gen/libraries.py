@@ -5,6 +5,7 @@ No file of a PDK is part of this project; its user says where it is.
 
 import gzip
 import re
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -83,7 +84,7 @@ def unpack(name: str, sources: Sequence[Path], period: float, folder: Path) -> L
             content = source.read_bytes()
             if source.suffix == ".gz":
                 content = gzip.decompress(content)
-        except (OSError, EOFError, gzip.zlib.error) as error:  # type: ignore[attr-defined]
+        except (OSError, EOFError, zlib.error) as error:
             raise InputError(f"{source}: cannot be read ({getattr(error, 'strerror', None) or error})") from error
         if not CELL.search(content.decode(errors="replace")):
             raise InputError(f"{source}: holds no cell; give a liberty file of standard cells")
