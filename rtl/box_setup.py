@@ -13,7 +13,7 @@ from rtl.float_flow import FloatFlow, exponent
 from rtl.operators.fields import FLOAT32, INFINITY
 from rtl.operators.float_add import FloatAdd
 from rtl.operators.float_multiply import FloatMultiply
-from rtl.pipeline import stage_cuts
+from rtl.pipeline import balanced_cuts
 from rtl.ray_setup import canonical
 from rtl.ray_time import aligned, floor, rounded_both_ways
 from rtl.ray_triangle import select
@@ -60,7 +60,7 @@ class BoxSetup(DataflowCore):
         lattice_exponent: Node,
     ) -> Mapping[str, Any]:
         f = FloatFlow(flow, replace(config, add_depth=add_depth(config), multiply_depth=multiply_depth(config)))
-        cuts = stage_cuts(2, config.convert_depth)
+        cuts = balanced_cuts((1, 1), config.convert_depth)
 
         moved = [f.subtract(f"moved{k}", origin[k], lattice_origin[k]) for k in range(3)]
         greatest = flow.logic("greatest", greatest_exponent, *moved, stage=True)

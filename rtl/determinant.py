@@ -10,7 +10,7 @@ from rtl.config import Config
 from rtl.dataflow import Dataflow, Node
 from rtl.float_flow import exponent, is_zero
 from rtl.operators.fields import INFINITY
-from rtl.pipeline import stage_cuts
+from rtl.pipeline import balanced_cuts
 
 DIGITS = 12
 """Of the quotient, two bits each, after its first bit: 23 bits of the significand and the guard bit."""
@@ -23,7 +23,7 @@ def sum_of_magnitudes(flow: Dataflow, config: Config, name: str, a: Node, b: Nod
 
     Takes up to two register stages; without `stage` the last is left to the caller.
     """
-    cuts = stage_cuts(2, min(config.add_depth, 2))
+    cuts = balanced_cuts((1, 1), min(config.add_depth, 2))
     pair = flow.logic(f"{name}_aligned", aligned, a, b, stage=0 in cuts)
     return flow.logic(name, rounded_sum, pair, stage=stage and 1 in cuts)
 

@@ -105,11 +105,6 @@ def _cuts_within(delays: Sequence[int], limit: int) -> set[int]:
     return cuts
 
 
-def stage_cuts(steps: int, depth: int) -> set[int]:
-    """The steps after which a register stage stands: `depth` of them, evenly spread, the last step's among them."""
-    return {(k + 1) * steps // depth - 1 for k in range(depth)}
-
-
 def register(m: Module, en: Value, value: Any, name: str) -> Signal:
     """`value` one enabled cycle later; data registers have no reset, so that flows may use plain flip-flops."""
     value = Value.cast(value)

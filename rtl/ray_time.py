@@ -9,7 +9,7 @@ from golden_model.formats import SCALE_BIAS, TIME_BITS
 from rtl.config import Config
 from rtl.dataflow import Dataflow, DataflowCore, Node
 from rtl.float_flow import FloatFlow, exponent, is_finite, is_zero
-from rtl.pipeline import stage_cuts
+from rtl.pipeline import balanced_cuts
 
 TIME_MAX = (1 << TIME_BITS) - 1
 BELOW = 4
@@ -33,7 +33,7 @@ class RayTime(DataflowCore):
 
 def rounded_both_ways(flow: Dataflow, config: Config, product: Node, scale: Node) -> dict[str, Node]:
     """`low` and `high` of t * rate, an operator's result; `convert_depth` stages."""
-    cuts = stage_cuts(2, config.convert_depth)
+    cuts = balanced_cuts((1, 1), config.convert_depth)
     distance = flow.logic("distance", aligned, product, scale, stage=0 in cuts)
     sign = flow.logic("distance_sign", lambda x: x[31], product)
     unknown = flow.logic("distance_unknown", lambda x: ~is_finite(x), product)
