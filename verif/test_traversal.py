@@ -292,27 +292,47 @@ class Bench:
         assert not rays.results["error"].any()
         await self.check(rays, what)
 
+    def some_cut_short(self, queries: np.ndarray, tree: WideBvh) -> np.ndarray:
+        """The queries, every other one ended just before what it hits in the tree, so that it hits nothing.
+
+        Such a ray visits the same blocks in whatever order: nothing that it finds spares it a visit.
+        """
+        nearest = queries.copy()
+        nearest["any_hit"] = 0
+        hits = self.traced(tree.blocks, nearest).results
+        cut = (hits["primitive"] >= 0) & (np.arange(len(queries)) % 2 == 0)
+        out = queries.copy()
+        out["t_max"][cut] = np.nextafter(hits["t"][cut], np.float32(-np.inf))
+        assert (self.traced(tree.blocks, out[cut]).results["primitive"] == -1).all()
+        return out
+
+    def surely_failing(self, rays: Rays, tree: WideBvh) -> np.ndarray:
+        """Which of the rays, with what comes back where a block of `tree` is wrong, fail in whatever order they make
+        their visits: those that fail and would have hit nothing."""
+        return (rays.results["error"] != 0) & (self.traced(tree.blocks, rays.queries).results["primitive"] == -1)
+
     def met_by_some(
-        self, queries: np.ndarray, trees: Iterable[tuple[np.ndarray, int, tuple[int, ...]]]
+        self, queries: np.ndarray, tree: WideBvh, wrong: Iterable[tuple[np.ndarray, int, tuple[int, ...]]]
     ) -> tuple[np.ndarray, int, Rays]:
-        """Of trees, each with the block that is wrong and blocks that cannot be read, one where some rays fail and some
-        do not, or at least some do: its blocks, the wrong one, and the rays with what has to come back."""
+        """Of wrong copies of `tree`, each with the block that is wrong and blocks that cannot be read, one where some
+        rays surely fail and some do not fail, or at least some surely do: its blocks, the wrong one, and the rays with
+        what has to come back."""
         found: tuple[np.ndarray, int, Rays] | None = None
-        candidates = list(trees)
+        candidates = list(wrong)
         for blocks, bad, unreadable in self.rng.sample(candidates, len(candidates)):
             rays = self.traced(blocks, queries, unreadable)
-            failing = (rays.results["error"] != 0).mean()
-            if failing > 0:
+            if self.surely_failing(rays, tree).any():
                 found = blocks, bad, rays
-            if 0 < failing < 1:
-                break
-        assert found is not None, "no ray meets what is wrong"
+                if not rays.results["error"].all():
+                    break
+        assert found is not None, f"seed {self.seed}: no ray surely meets what is wrong"
         return found
 
     async def check_failing(self, rays: Rays, tree: WideBvh, error: int, bad: int, what: str) -> None:
         """Rays that fail with `error` at block `bad`, or are right: exactly the golden ones, one visit at a time.
 
-        With more, a ray may make a visit that it would not have needed, or the other way round.
+        With more, a ray may make a visit that it would not have needed, or the other way round; but one that surely
+        fails does.
         """
         failing = rays.results["error"] != 0
         assert set(rays.results["error"][failing]) == {error}
@@ -326,7 +346,10 @@ class Bench:
         failure = np.zeros(int(failed.sum()), dtype=RAY_RESULT)
         failure["error"], failure["block"], failure["primitive"] = error, bad, -1
         self.assert_same(got[failed], Rays(rays.queries[failed], failure, rays.counts[failed]), what)
-        assert failed.any(), f"{what}, seed {self.seed}: no ray met block {bad}"
+        surely = self.surely_failing(rays, tree)
+        assert surely.any(), f"{what}, seed {self.seed}: no ray surely meets block {bad}"
+        spared = np.flatnonzero(surely & ~failed)
+        assert not len(spared), f"{what}, seed {self.seed}: rays {spared[:9]} did not meet block {bad}"
 
     def tell(self, rays: Rays) -> None:
         memory = self.memory
@@ -472,7 +495,8 @@ async def damaged_blocks(dut: Any, overlap: str) -> None:
     for name, (error, trees) in DAMAGES.items():
         await bench.check_sound(tree, f"before {name}")
         queries = rays_of("handful", bench.few, bench.rng.getrandbits(16), RENDERED)
-        blocks, bad, rays = bench.met_by_some(queries, ((*wrong, ()) for wrong in trees(tree, bench.width)))
+        queries = bench.some_cut_short(queries, tree)
+        blocks, bad, rays = bench.met_by_some(queries, tree, ((*wrong, ()) for wrong in trees(tree, bench.width)))
         await bench.load(blocks)
         await bench.check_failing(rays, tree, TRACE_ERRORS[error], bad, name)
     await bench.check_sound(tree, "after all")
@@ -490,7 +514,9 @@ async def memory_errors(dut: Any, overlap: str) -> None:
         for name, addresses in kinds.items():
             await bench.check_sound(tree, f"before {name}")
             queries = rays_of("handful", bench.few, bench.rng.getrandbits(16), RENDERED)
-            _, bad, rays = bench.met_by_some(queries, ((tree.blocks, address, (address,)) for address in addresses))
+            queries = bench.some_cut_short(queries, tree)
+            wrong = ((tree.blocks, address, (address,)) for address in addresses)
+            _, bad, rays = bench.met_by_some(queries, tree, wrong)
             await bench.load(tree.blocks)  # what was read before is forgotten
             bench.memory.errors = {BASES[0] + BLOCK_BYTES * bad: response}
             await bench.check_failing(rays, tree, TRACE_ERRORS["memory"], bad, f"{response!r} for {name}")
@@ -509,7 +535,7 @@ async def a_tree_that_is_cut_short(dut: Any) -> None:
     longer = WideBvh(with_header(tree.blocks, blocks=count + 100))
     queries = rays_of("handful", bench.few, bench.seed, RENDERED)
     wrong = nodes_with(longer, base=lambda address, _: count + 5)
-    blocks, _, rays = bench.met_by_some(queries, ((*each, ()) for each in wrong))
+    blocks, _, rays = bench.met_by_some(queries, tree, ((*each, ()) for each in wrong))
     for number in range(count, count + 100):
         bench.memory.errors[BASES[0] + BLOCK_BYTES * number] = AxiResp.DECERR
     await bench.load(blocks)

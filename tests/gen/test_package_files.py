@@ -189,7 +189,8 @@ def test_configurations_name_files_that_are_there(folder: Path) -> None:
             assert (place / name.removeprefix("dir::")).is_file()
         place = folder / "flow" / "openroad" / unit
         program = f"include {place}/config.mk\nall:\n\t@echo $(DESIGN_NAME) $(VERILOG_FILES) $(SDC_FILE)\n"
-        done = subprocess.run(["make", "-f", "-"], input=program, capture_output=True, text=True, check=True)
+        command = ["make", "--no-print-directory", "-f", "-"]  # below `make test`, make names the folder otherwise
+        done = subprocess.run(command, input=program, capture_output=True, text=True, check=True)
         name, verilog, sdc = done.stdout.split()
         assert name == unit
         assert Path(verilog).is_file()
