@@ -112,10 +112,8 @@ def test_hundreds_of_thousands_of_requests(cache: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("original", "mutant", "only", "message"),
     [
-        pytest.param(
-            *("assign is_locked[0] = |", "assign is_locked[0] = 1'b0 &", "run=1", "wanted 0x|HANG|hangs"),
-            marks=pytest.mark.xfail(reason="with the lookup in two steps 80 requests do not bring this about"),
-        ),
+        # Answers have to wait, or they are out before the block that took the line is written.
+        ("assign is_locked[0] = |", "assign is_locked[0] = 1'b0 &", "run=3", "wanted 0x"),
         (
             "assign filled = write & last;",
             "assign filled = write;",
