@@ -16,6 +16,8 @@ LIMIT = 16
 """Cells that a buffer drives, as in ABC's own trees."""
 LARGE = 2 * LIMIT
 """Nets with more cells than that get a tree; ABC's sizing is right for smaller ones."""
+HUGE = 16 * LIMIT
+"""Before gates are mapped: nets with more cells than that get a tree, so that ABC looks at all the others."""
 ROOT = 4
 """Buffers that the cell at the root of a tree drives: it may be a small one."""
 
@@ -70,12 +72,12 @@ def strong_enough(found: list[Buffer]) -> Buffer:
     return strong[0] if strong else found[-1]
 
 
-def spread(design: dict[str, Any], top: str, found: list[Buffer]) -> int:
-    """Puts trees on the large nets of Yosys's JSON of a mapped design, in place; returns how many buffers they have.
+def spread(design: dict[str, Any], name: str, found: list[Buffer], size: int = LARGE) -> int:
+    """Puts trees on the nets of a module that drive more than `size` cells, in place; returns how many buffers.
 
-    Every cell's module is in the design.
+    `design` is Yosys's JSON; every cell's module is in it, or one of Yosys's own.
     """
-    module, buffer = design["modules"][top], strong_enough(found)
+    module, buffer = design["modules"][name], strong_enough(found)
     cells = module["cells"]
     loads: dict[Bit, list[Load]] = defaultdict(list)
     for cell in cells.values():
@@ -90,7 +92,7 @@ def spread(design: dict[str, Any], top: str, found: list[Buffer]) -> int:
     added = 0
     for driver in sorted(bit for bit in loads if isinstance(bit, int) and bit not in clocks):
         ends = loads[driver]
-        if len(ends) <= LARGE:
+        if len(ends) <= size:
             continue
         while len(ends) > ROOT:
             parents: list[Load] = []
@@ -98,7 +100,7 @@ def spread(design: dict[str, Any], top: str, found: list[Buffer]) -> int:
                 for bits, place in ends[start : start + LIMIT]:
                     bits[place] = free
                 inputs: list[Bit] = [driver]
-                cells[f"fanout_{added}"] = {
+                cells[f"fanout{size}_{added}"] = {
                     "type": buffer.cell,
                     "parameters": {},
                     "attributes": {},

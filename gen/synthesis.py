@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from gen import fanout, libraries, tools
+from gen.fanout import Buffer
 from gen.libraries import Library
 from gen.memories import Memory, cut_out
 
@@ -182,39 +183,46 @@ def mapped(folder: Path, elaborated: Path, library: Library, top: str) -> Mapped
     # Else ABC takes the outputs of registers for as strong as can be, and leaves one that drives a hundred cells alone.
     (folder / "mapping.constr").write_text(f"set_driving_cell {known[0].cell}\n")
     sequential, gates = libraries.sequential(library), libraries.combinational(library)
-    read, others = (
-        "\n".join(f"read_liberty -lib -ignore_miss_func {file}" for file in files)
-        for files in (sequential, [name for name in library.file_names if name not in sequential])
-    )
+    read = "\n".join(f"read_liberty -lib -ignore_miss_func {file}" for file in library.file_names)
     script = f"""read_rtlil gates.il
 {read}
 dfflibmap {_liberties(sequential)}
 # Registers are named after what they hold, so that a critical path reads in the unit's own names.
 splitnets
 rename -wire -suffix _reg t:$_* %n
+write_json registers.json
+"""
+    tools.yosys(script, folder, "registers")
+    # Before mapping: else ABC takes the enable of all registers for the slowest net, and sizes nothing else.
+    _spread(folder / "registers.json", known, fanout.HUGE)
+    script = f"""read_json registers.json
 # Cores one by one: ABC's sizing ends after a number of steps, which is too few for a large design in one piece.
 abc {_liberties(gates)} -constr mapping.constr -script mapping.abc
 {FLATTEN}opt_clean -purge
-{others}
 write_json netlist.json
 """
     tools.yosys(script, folder, "mapping")
-    netlist = folder / "netlist.json"
-    design = json.loads(netlist.read_text(encoding="utf-8"))
-    fanout.spread(design, top, known)
-    netlist.write_text(json.dumps(design), encoding="utf-8")
+    _spread(folder / "netlist.json", known, fanout.LARGE)
     script = f"""read_json netlist.json
 opt_clean -purge
 tee -q -o cells.json stat -json -top {top} {_liberties(library.file_names)}
 write_verilog -noattr -noexpr -simple-lhs mapped.v
 """
     tools.yosys(script, folder, "netlist")
-    netlist.unlink()
-    (folder / "gates.il").unlink()
+    for name in ("gates.il", "registers.json", "netlist.json"):
+        (folder / name).unlink()
     found = _stat(folder / "cells.json")["modules"][f"\\{top}"]
     # Macros stand beside the cells; they have no area in any of the files.
     macros = sum(n for cell, n in found["num_cells_by_type"].items() if cell.startswith("ram_"))
     return Mapped(found["num_cells"] - macros, found["area"], found["sequential_area"])
+
+
+def _spread(file: Path, known: list[Buffer], size: int) -> None:
+    """Puts trees of buffers on the nets of all modules in a file of Yosys's JSON that have more than `size` cells."""
+    design = json.loads(file.read_text(encoding="utf-8"))
+    for module in design["modules"]:
+        fanout.spread(design, module, known, size)
+    file.write_text(json.dumps(design), encoding="utf-8")
 
 
 def _liberties(names: list[str]) -> str:

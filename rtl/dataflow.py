@@ -11,7 +11,7 @@ from amaranth import Module, Mux, Signal, Value
 from amaranth.lib import data
 
 from rtl.config import Config
-from rtl.pipeline import Core, register
+from rtl.pipeline import Core, named, register
 
 Kind = tuple[type[Core], int]
 """Class and latency of a core: cores of one kind can stand in for each other."""
@@ -48,8 +48,9 @@ class Dataflow:
 
     Every operation starts as soon as its last operand is there. Where the datapath takes its operands in every other
     cycle only, those in which `phase` is high, two operations of one kind share a core, one in the even cycles, one in
-    the odd; an operation that finds no turn free starts a cycle later. `cores` says how many there are of a kind. A
-    delay line then needs a register for two cycles only, as each value may stay in it until the next one comes.
+    the odd; an operation that finds no turn free starts a cycle later. `cores` says how many there are of a kind. The
+    operands of either are chosen in the cycle before: a register stands between the choice and the core. A delay line
+    then needs a register for two cycles only, as each value may stay in it until the next one comes.
     """
 
     def __init__(self, m: Module, en: Value, phase: Value | None = None, cores: Mapping[Kind, int] | None = None):
@@ -78,9 +79,12 @@ class Dataflow:
 
     def _load(self, time: int) -> Value:
         """The enable of registers that load in this cycle of an operation."""
-        if self._phase is None:
-            return self._en
-        return self._en & (~self._phase if time % 2 else self._phase)
+        return self._en if self._phase is None else self._en & self._even(time)
+
+    def _even(self, time: int) -> Value:
+        """Whether this is cycle `time` of an operation, or one an even number of cycles from it."""
+        assert self._phase is not None
+        return ~self._phase if time % 2 else self._phase
 
     def logic(self, name: str, function: Callable[..., Any], *operands: Node, stage: bool = False) -> Node:
         """Combinational logic over operands brought to the time of the latest, with a register after it if `stage`."""
@@ -90,29 +94,34 @@ class Dataflow:
         self._m.d.comb += result.eq(value)
         return Node(result, time, name, staged=stage)
 
-    def twice(self, name: str, function: Callable[..., Any], state: Node, *others: Node) -> Node:
-        """`function` of the state and other operands applied twice, in two cycles, the result being its next state.
+    def repeated(self, name: str, function: Callable[..., Any], state: Node, *others: Node, count: int) -> Node:
+        """`function` of the state and other operands, the result being its next state, `count` times: an even number.
 
-        Where the datapath takes operands in every other cycle, one piece of logic and one register do both. A function
-        that makes the state wider adds on top.
+        Each time takes a cycle; a register is in front of the first and behind the last. A function that makes the
+        state wider adds on top. Where the datapath takes operands in every other cycle, one piece of logic and the
+        register in front of it do two times: the register takes what came before, then what its own logic gave.
         """
         if self._phase is None:
-            once = self.logic(f"{name}_once", function, state, *others, stage=True)
-            return self.logic(name, function, once, *others, stage=True)
-        time = max(node.ready for node in (state, *others))
-        first = ~self._phase if time % 2 else self._phase
-        start = self.at(state, time)
-        operands = [self._at_either(first, node, time) for node in others]
-        growth = len(Value.cast(function(start, *operands))) - len(start)
-        held = Signal(len(start) + 2 * growth, name=name, reset_less=True)
-        with self._m.If(self._en):
-            self._m.d.sync += held.eq(function(Mux(first, start, held), *operands))
-        return Node(held, time + 2, name)
+            for k in range(count):
+                state = self.logic(f"{name}{k + 1}", function, state, *others, stage=True)
+            return state
+        time = max(state.time, *(node.ready - 1 for node in others))
+        given = self.at(Node(state.value, state.time, state.name), time)
+        for k in range(0, count, 2):
+            first = self._even(time)
+            operands = [self._at_either(first, node, time + 1) for node in others]
+            growth = len(Value.cast(function(given, *operands))) - len(given)
+            held = Signal(len(given) + growth, name=f"{name}{k}_held", reset_less=True)
+            result = named(self._m, function(held, *operands), f"{name}{k}_next")
+            with self._m.If(self._en):
+                self._m.d.sync += held.eq(Mux(first, given, result))
+            given, time = result, time + 2
+        return Node(given, time, f"{name}{count}", staged=True)
 
     def _at_either(self, first: Value, node: Node, time: int) -> Value:
-        """The node's value in two cycles, the first of which is `time`."""
+        """The node's value in two cycles, the first of which is `time`; `first` is low in it."""
         one, other = self.at(node, time), self.at(node, time + 1)
-        return one if one is other else Mux(first, one, other)
+        return one if one is other else Mux(first, other, one)
 
     def apply(self, name: str, core: Core, **operands: Node | int) -> dict[str, Node]:
         """The results, by field name, of an operation that a core like `core` does; an operand may be a constant."""
@@ -121,8 +130,9 @@ class Dataflow:
         if self._phase is None:
             self._instantiate(placed)
         results: data.View = placed.core.o
+        choice = self._interval - 1  # cycles that the choice of operands takes
         return {
-            field_name: Node(results[field_name], time + core.latency, f"{name}_{field_name}")
+            field_name: Node(results[field_name], time + choice + core.latency, f"{name}_{field_name}")
             for field_name in core.unit.output.names or ()
         }
 
@@ -152,13 +162,17 @@ class Dataflow:
     def _instantiate(self, placed: Placed) -> None:
         """A core as a submodule with the names of its operations."""
         core, operations = placed.core, placed.operations
-        self._m.submodules["_and_".join(name for _, name, _ in operations.values())] = core
+        together = "_and_".join(name for _, name, _ in operations.values())
+        self._m.submodules[together] = core
         self._m.d.comb += core.en.eq(self._en)
         for field_name in core.unit.input.names or ():
             values = {
                 turn: self._operand(operands[field_name], time) for turn, (time, _, operands) in operations.items()
             }
-            value = Mux(self._phase, values[0], values[1]) if len(values) == 2 else next(iter(values.values()))
+            value = next(iter(values.values()))
+            if self._phase is not None and not (isinstance(value, int) and set(values.values()) == {value}):
+                chosen = Mux(self._phase, values[0], values[1]) if len(values) == 2 else value
+                value = register(self._m, self._en, chosen, f"{together}_{field_name}")
             self._m.d.comb += core.i[field_name].eq(value)
 
 

@@ -88,10 +88,10 @@ def reciprocal(flow: Dataflow, config: Config, name: str, x: Node, sign: Node) -
             quotient = Cat(Mux(fits[1], fits[2], fits[0]), fits[1], quotient)
         return Cat(remainder, quotient)
 
-    for k in range(cycles // 2):
-        state = flow.twice(f"{name}_state{k + 1}", digits, state, divisor, triple)
     if cycles == 1:
         state = flow.logic(f"{name}_state1", digits, state, divisor, triple, stage=stage)
+    else:
+        state = flow.repeated(f"{name}_state", digits, state, divisor, triple, count=cycles)
 
     def rounded(state: Value, exponent: Value, sign: Value) -> Value:
         quotient = state[24:]
