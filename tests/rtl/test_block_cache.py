@@ -14,7 +14,7 @@ import pytest
 from amaranth.sim import Simulator
 
 from gen.verilog import convert
-from rtl.block_cache import BlockCache
+from rtl.block_cache import PATIENCE, BlockCache
 from rtl.queues import number_width
 from sim import toolchain, verilated
 from sim.runner import BenchError, run_cocotb
@@ -234,6 +234,18 @@ def test_rays_that_wait_for_a_block_are_woken_together_while_others_hit() -> Non
     hits, woken = ([run.answers[k][0] for k in numbers] for numbers in (range(5, 10), range(1, 5)))
     assert max(hits) < min(woken), "hits wait for a miss"
     assert max(woken) - min(woken) == 3
+
+
+def test_hits_go_first_but_not_for_ever() -> None:
+    """Beside a hit in every cycle, each of those that have waited is answered after PATIENCE hits."""
+    run = Run(sets=4, ways=2)([1], [2, 2, 2, 2] + [1] * 60)
+    assert {k: answer[1:] for k, answer in run.answers.items()} == {
+        k: (0, block_data(64 * block)) for k, block in enumerate([1, 2, 2, 2, 2] + [1] * 60)
+    }
+    woken = sorted(run.answers[k][0] for k in range(1, 5))
+    cycles = sorted(cycle for cycle, _, _ in run.answers.values())
+    assert np.diff(woken).tolist() == [PATIENCE + 1] * 3
+    assert set(range(woken[0], woken[-1])) <= set(cycles), "a cycle without an answer"
 
 
 def test_misses_are_under_way_at_once() -> None:
