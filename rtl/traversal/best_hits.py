@@ -117,25 +117,33 @@ class BestHits(wiring.Component):
         m.submodules.hits = hits = Memory(shape=self.hit_read.hit.shape(), depth=self._contexts, init=[])
 
         # What is the best so far is read ahead. Of the two results in between, which may be the same ray's, the first
-        # is seen by the RAM's read port while it is written, and the second one here.
+        # is written while the RAM is read and passes by it; the second one is seen here.
         t_write, primitive_write, hit_write = nearest.write_port(), primitives.write_port(), hits.write_port()
-        t_before = nearest.read_port(transparent_for=[t_write])
-        primitive_before = primitives.read_port(transparent_for=[primitive_write])
+        t_read_ahead, primitive_read_ahead = nearest.read_port(), primitives.read_port()
         better = Signal()
         following = Signal(self._context, reset_less=True)
+        t_passing, primitive_passing = Signal(32, reset_less=True), Signal(32, reset_less=True)
+        passing = Signal()  # the result before this one is the best of the one to come
         again = Signal()  # the next result is compared with this one
         t_best, primitive_best, found_best = Signal(32, reset_less=True), Signal(32, reset_less=True), Signal()
         m.d.comb += [
-            t_before.addr.eq(self.coming.context),
-            primitive_before.addr.eq(self.coming.context),
+            t_read_ahead.addr.eq(self.coming.context),
+            primitive_read_ahead.addr.eq(self.coming.context),
             again.eq(better & (result.context == following)),
         ]
         m.d.sync += [
             following.eq(self.coming.context),
-            t_best.eq(Mux(again, result.data.t, t_before.data)),
-            primitive_best.eq(Mux(again, result.primitive, primitive_before.data)),
+            passing.eq(better & (result.context == self.coming.context)),
+            t_passing.eq(result.data.t),
+            primitive_passing.eq(result.primitive),
             found_best.eq(again | found.bit_select(following, 1)),
         ]
+        with m.If(again):
+            m.d.sync += [t_best.eq(result.data.t), primitive_best.eq(result.primitive)]
+        with m.Elif(passing):
+            m.d.sync += [t_best.eq(t_passing), primitive_best.eq(primitive_passing)]
+        with m.Else():
+            m.d.sync += [t_best.eq(t_read_ahead.data), primitive_best.eq(primitive_read_ahead.data)]
         order = compare(m, a=result.data.t, b=t_best)
         lower = result.primitive.as_signed() < primitive_best.as_signed()
         hit = self.result.valid & result.tested & result.data.hit
