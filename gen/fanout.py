@@ -13,7 +13,7 @@ from gen.libraries import CELL, PIN, Library
 from golden_model.errors import InputError
 
 LIMIT = 16
-"""Cells that a buffer drives, as in ABC's own trees."""
+"""Cells that a buffer drives."""
 LARGE = 2 * LIMIT
 """Nets with more cells than that get a tree; ABC's sizing is right for smaller ones."""
 HUGE = 16 * LIMIT

@@ -91,6 +91,7 @@ PRESETS: dict[str, Config] = {
         multiply_depth=4,
         difference_of_products_depth=8,
         divide_depth=28,
+        reciprocal_depth=13,
         sqrt_depth=27,
         compare_depth=1,
         convert_depth=2,
