@@ -4,10 +4,12 @@ from collections.abc import Callable
 from functools import lru_cache, partial
 
 import numpy as np
+from amaranth.hdl import Value
 
 from gen.formal.all_inputs import Gates
 from gen.formal.properties import Exhaustive, Property
 from gen.formal.small_floats import SmallFormat
+from golden_model.floats import float_to_half
 from rtl.operators.fields import FloatFormat
 from rtl.operators.float_add import FloatAdd
 from rtl.operators.float_compare import FloatCompare
@@ -16,6 +18,7 @@ from rtl.operators.float_divide import FloatDivide
 from rtl.operators.float_minmax import FloatMinmax
 from rtl.operators.float_multiply import FloatMultiply
 from rtl.operators.float_sqrt import FloatSqrt
+from rtl.operators.float_to_half import FloatToHalf
 from rtl.operators.half_to_float import HalfToFloat
 from rtl.pipeline import Core
 
@@ -70,6 +73,10 @@ def _of_pairs(number: SmallFormat, a: int, b: int, c: int, d: int) -> int:
     return number.difference_of_products(a, b, c, d)
 
 
+LOW_BITS = 10
+"""Of a float32 fraction: below the last place of any binary16 number and the one after it, whatever its exponent."""
+
+
 def every_input(make: Callable[[int, FloatFormat], Core], number: SmallFormat) -> str:
     """Tries all operands; returns the first that give a wrong result, or nothing."""
     core = make(0, FloatFormat(number.exponent, number.fraction))
@@ -93,6 +100,20 @@ def halves() -> str:
         wrong = np.flatnonzero(expected != results["z"])
         if len(wrong):
             return f"a = {wrong[0]:#x}: z is {int(results['z'][wrong[0]]):#x}, should be {int(expected[wrong[0]]):#x}"
+    return ""
+
+
+def to_halves() -> str:
+    """Every sign, exponent and upper part of a fraction, with none or any one of the lower bits."""
+    core = FloatToHalf(0)
+    a = Value.cast(core.i.a)
+    gates = Gates(core, {"low": a[:LOW_BITS], "high": a[LOW_BITS:]}, {"z": Value.cast(core.o.z)})
+    for low in (0, *(1 << place for place in range(LOW_BITS))):
+        for operands, results in gates.run(free={"low": 0}, fixed={"low": low}):
+            bits = (operands["high"] << LOW_BITS | low).astype(np.uint32)
+            wrong = np.flatnonzero(float_to_half(bits.view(np.float32)).view(np.uint16) != results["z"])
+            if len(wrong):
+                return f"a = {bits[wrong[0]]:#x}: z is {int(results['z'][wrong[0]]):#x}"
     return ""
 
 
@@ -145,5 +166,12 @@ def properties() -> list[Property]:
             method=Exhaustive(inputs=1 << 16),
             check=halves,
             quick=True,
+        ),
+        Property(
+            unit="float_to_half",
+            name="every-upper-part",
+            says="every sign, exponent and upper 13 bits of a fraction, with none or any one of the lower ten",
+            method=Exhaustive(inputs=(1 + LOW_BITS) << (32 - LOW_BITS)),
+            check=to_halves,
         ),
     ]

@@ -12,8 +12,8 @@ from tests.simulators import SIMULATORS
 from verif.unit_vectors import unit_vectors
 
 SEED = 2013
-# Icarus takes about two milliseconds a cycle for the ray-triangle unit.
-COUNT = {"verilator": 3000, "icarus": 1000}
+# Icarus takes up to ten milliseconds a cycle. It is there for what is undefined and for the order of events.
+COUNT = {"verilator": 3000, "icarus": 300}
 
 
 def bench(unit: str, simulator: str, folder: Path, preset: str = "base", verilog: str | None = None) -> int:

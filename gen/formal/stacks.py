@@ -1,0 +1,67 @@
+"""The stacks of a traversal unit: what a list of entries says is what is read, the nearest on top. Bounded."""
+
+from amaranth import Mux, Signal, Value
+
+from gen.formal.bench import Bench
+from gen.formal.properties import Bounded, Property
+from rtl.config import Config
+from rtl.traversal.records import STACK_ENTRY
+from rtl.traversal.stacks import LISTS, Stacks
+
+SMALL = Config(contexts=4, overlap=2, stack=4)
+
+
+def entries(config: Config) -> Bench:
+    """Follows one place of one stack. Lists and reads of the others come between its own."""
+    component = Stacks(config)
+    bench = Bench(component)
+    m, push, item, read, written = bench.m, component.push, component.push.payload, component.read, component.written
+    who = bench.constant("who", len(item.context))
+    place = bench.constant("place", range(config.stack))
+    pending = Signal(range(LISTS + 2))  # lists of this stack that are not written yet
+    known, stored = Signal(), Signal(STACK_ENTRY)
+
+    # Whoever uses them never fills a stack beyond its end, and reads what is written.
+    top = Signal(8)
+    m.d.comb += top.eq(item.height + (item.last - item.first))
+    bench.assume(~push.valid | ((item.first <= item.last) & (top < config.stack)))
+    bench.assume(~push.valid | ~item.again | (item.first == item.last))
+    reads = read.en & (read.context == who) & (read.position == place)
+    bench.assume(~reads | (known & (pending == 0)))
+
+    enters = push.valid & push.ready & (item.context == who)
+    comes = written.valid & (written.context == who)
+    m.d.sync += pending.eq(pending + enters - comes)
+    index, expected = Signal(3), Signal(STACK_ENTRY)
+    m.d.comb += [
+        index.eq(item.last - (place - item.height)),
+        expected.entry.eq(item.entry[index]),
+        expected.address.eq(item.base + Mux(item.again, 0, item.slot[index])),
+        expected.leaf.eq(~item.again & item.leaf.bit_select(item.slot[index], 1)),
+        expected.rank.eq(Mux(item.again, item.first, 0)),
+    ]
+    with m.If(enters & (item.height <= place) & (place <= top)):
+        m.d.sync += [known.eq(1), stored.eq(expected)]
+
+    shows, shown = Signal(), Signal(STACK_ENTRY)  # since the last read: what the place held then
+    with m.If(read.en):
+        m.d.sync += [shows.eq(reads), shown.eq(stored)]
+    bench.require("what_was_pushed", ~shows | (Value.cast(read.entry) == Value.cast(shown)))
+    bench.require("written_once", ~comes | (pending != 0))
+    bench.require("lists_in_bounds", pending <= LISTS)
+    bench.reach("read", shows)
+    bench.reach("full", ~push.ready)
+    return bench
+
+
+def properties() -> list[Property]:
+    return [
+        Property(
+            unit="stacks",
+            name="entries",
+            says="a place reads as the last list over it says, nearest on top; each list written once",
+            method=Bounded(depth=7),
+            build=lambda: entries(SMALL),
+            reach=8,
+        )
+    ]
