@@ -4,6 +4,8 @@ In a hit the edge functions are of one sign, so their magnitudes are added, with
 and where the reciprocal is out of range, the test is a miss, and nobody looks at what comes out here.
 """
 
+from collections.abc import Callable
+
 from amaranth import Cat, Const, Mux, Value
 
 from rtl.config import Config
@@ -21,17 +23,20 @@ DIGITS_A_CYCLE = (1, 2, 3, 6, 12)
 def sum_of_magnitudes(flow: Dataflow, config: Config, name: str, a: Node, b: Node, *, stage: bool = True) -> Node:
     """|a| + |b| of results of operators, rounded to nearest even: 31 bits; all ones in the exponent if either has them.
 
-    Takes up to two register stages; without `stage` the last is left to the caller.
+    Takes up to four register stages; without `stage` the last is left to the caller.
     """
-    cuts = balanced_cuts((1, 1), min(config.add_depth, 2))
-    pair = flow.logic(f"{name}_aligned", aligned, a, b, stage=0 in cuts)
-    return flow.logic(name, rounded_sum, pair, stage=stage and 1 in cuts)
+    steps: list[Callable[..., Value]] = [ordered, aligned, added, rounded]
+    cuts = balanced_cuts([1] * len(steps), min(config.add_depth, len(steps)))
+    operands = [a, b]
+    for index, step in enumerate(steps[:-1]):
+        operands = [flow.logic(f"{name}_{step.__name__}", step, *operands, stage=index in cuts)]
+    return flow.logic(name, rounded, *operands, stage=stage and len(steps) - 1 in cuts)
 
 
-def aligned(a: Value, b: Value) -> Value:
-    """The exponent of the greater magnitude, its significand, and that of the smaller one moved to its place.
+def ordered(a: Value, b: Value) -> Value:
+    """The exponent of the greater magnitude, its significand, that of the smaller one, and places to its place.
 
-    8, 24 and 27 bits: three bits below (guard, round, sticky) are enough to round correctly.
+    8, 24, 24 and 5 bits.
     """
     a, b = a[:31], b[:31]
     swap = a < b
@@ -39,20 +44,33 @@ def aligned(a: Value, b: Value) -> Value:
     # Both differences at once: neither waits for the comparison.
     distance = Mux(swap, exponent(b) - exponent(a), exponent(a) - exponent(b))[:8]
     shift = distance[:5] | distance[5:].any().replicate(5)  # 31 or more: beyond the 27 bits below
-    wide = Cat(Const(0, 3), significand(smaller))
+    return Cat(exponent(greater), significand(greater), significand(smaller), shift)
+
+
+def aligned(pair: Value) -> Value:
+    """The first two of these, and the smaller significand moved to its place.
+
+    8, 24 and 27 bits: three bits below (guard, round, sticky) are enough to round correctly.
+    """
+    wide, shift = Cat(Const(0, 3), pair[32:56]), pair[56:]
     lost = (wide & ~(Const(-1, 27) << shift)).any()
     shifted = (wide >> shift)[:27]
-    return Cat(exponent(greater), significand(greater), shifted[0] | lost, shifted[1:])
+    return Cat(pair[:32], shifted[0] | lost, shifted[1:])
 
 
-def rounded_sum(pair: Value) -> Value:
-    """The sum of what `aligned` gave: exponent and fraction."""
-    total = (Cat(Const(0, 3), pair[8:32]) + pair[32:])[:28]
+def added(pair: Value) -> Value:
+    """The exponent and the sum of the significands: 8 and 28 bits."""
+    return Cat(pair[:8], (Cat(Const(0, 3), pair[8:32]) + pair[32:])[:28])
+
+
+def rounded(total: Value) -> Value:
+    """Exponent and fraction of the sum."""
+    greater, total = total[:8], total[8:]
     carry = total[27]
     kept = Mux(carry, total[4:], total[3:27])
     guard = Mux(carry, total[3], total[2])
     sticky = total[:2].any() | (carry & total[2])
-    biased = pair[:8] + carry
+    biased = greater + carry
     packed = (Cat(kept[:23], biased[:9]) + (guard & (sticky | kept[0])))[:32]
     return Cat(packed[:31] | Mux(packed[31], Const(INFINITY << 23, 31), 0))
 
@@ -93,11 +111,11 @@ def reciprocal(flow: Dataflow, config: Config, name: str, x: Node, sign: Node) -
     else:
         state = flow.repeated(f"{name}_state", digits, state, divisor, triple, count=cycles)
 
-    def rounded(state: Value, exponent: Value, sign: Value) -> Value:
+    def rounded_quotient(state: Value, exponent: Value, sign: Value) -> Value:
         quotient = state[24:]
         return Cat((Cat(quotient[1:], exponent) + quotient[0])[:31], sign)
 
-    return flow.logic(name, rounded, state, biased, sign, stage=stage)
+    return flow.logic(name, rounded_quotient, state, biased, sign, stage=stage)
 
 
 def cycles_of(config: Config) -> int:

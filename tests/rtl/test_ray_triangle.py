@@ -52,7 +52,7 @@ def test_guard_bit_alone_rounds_every_reciprocal() -> None:
 @pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS.keys())
 def test_latency_is_the_longest_path(config: Config) -> None:
     shear = 2 * config.add_depth + config.multiply_depth
-    reciprocal = 2 * min(config.add_depth, 2) + cycles_of(config) + 1
+    reciprocal = 2 * min(config.add_depth, 4) + cycles_of(config) + 1
     depth = 2 * config.multiply_depth + 2 * config.add_depth
     edges = shear + config.difference_of_products_depth
     expected = edges + max(reciprocal, depth) + config.multiply_depth + config.compare_depth
