@@ -1,0 +1,147 @@
+"""The control of a traversal unit among stages that answer at random: every ray is finished once, within its limits."""
+
+import random
+from collections import defaultdict
+from typing import Any
+
+import pytest
+from amaranth.sim import Simulator
+
+from golden_model.formats import TIME_BITS, TRACE_ERRORS, WIDTH
+from rtl.config import Config
+from rtl.traversal.control import Control
+
+SEED = 1984
+RAYS = 120
+VISITS = 12
+"""Of a ray, after which its nodes have no more children."""
+PATIENCE = 400
+"""Cycles in which something must happen."""
+SMALL = Config(contexts=4, overlap=3, stack=6)
+
+
+class Surroundings:
+    """What is under way between the control and the stages, and what has become of the rays."""
+
+    def __init__(self, dut: Control, overlap: int) -> None:
+        self.dut, self.overlap = dut, overlap
+        self.rng = random.Random(SEED + overlap)
+        self.starting: list[int] = []  # contexts with a ray whose visits may not begin yet
+        self.nodes: list[tuple[int, int, int]] = []  # visits: context, address, rank
+        self.leaves: list[tuple[int, int]] = []
+        self.visits: dict[int, int] = {}  # of each ray in a context, so far
+        self.failed: dict[int, bool] = defaultdict(bool)
+        self.leaving: list[int] = []  # contexts of rays that are finished
+        self.offered = -1  # the visit whose result is offered
+        self.finished = self.most = 0
+
+    def under_way(self, context: int) -> int:
+        return sum(visit[0] == context for visit in [*self.nodes, *self.leaves])
+
+    def offer_node(self, ctx: Any) -> None:
+        """The result of a visit, which stays until it is taken."""
+        if self.offered >= 0 or not self.nodes or self.rng.random() < 0.4:
+            return
+        self.offered = self.rng.randrange(len(self.nodes))
+        context, address, rank = self.nodes[self.offered]
+        result, rng = self.dut.node.payload, self.rng
+        self.visits[context] += 1
+        enough = self.visits[context] > VISITS
+        ctx.set(result.context, context)
+        ctx.set(result.address, address)
+        ctx.set(result.rank, rank)
+        ctx.set(result.error, TRACE_ERRORS["memory"] if rng.random() < 0.02 else 0)
+        ctx.set(result.base, rng.getrandbits(20))
+        ctx.set(result.leaf, rng.getrandbits(WIDTH))
+        ctx.set(result.hits.count, 0 if enough else rng.choice([0, 1, 1, 2, 3, 4]))
+        ctx.set(self.dut.node.valid, 1)
+
+    def offer_leaf(self, ctx: Any) -> None:
+        some = bool(self.leaves) and self.rng.random() < 0.4
+        ctx.set(self.dut.leaf.valid, some)
+        if some:
+            context, address = self.leaves.pop(self.rng.randrange(len(self.leaves)))
+            leaf = self.dut.leaf.payload
+            ctx.set(leaf.context, context)
+            ctx.set(leaf.address, address)
+            ctx.set(leaf.hit, self.rng.random() < 0.05)
+            ctx.set(leaf.error, TRACE_ERRORS["kind"] if self.rng.random() < 0.02 else 0)
+
+    def strobe(self, ctx: Any, port: Any, contexts: list[int]) -> None:
+        """One of the contexts, now and then."""
+        some = bool(contexts) and self.rng.random() < 0.3
+        ctx.set(port.valid, some)
+        if some:
+            ctx.set(port.context, contexts.pop(0))
+
+    def see(self, ctx: Any) -> bool:
+        """What the control does in this cycle; whether it is anything."""
+        dut, moved = self.dut, False
+        where = f"seed {SEED}, overlap {self.overlap}"
+        for side in dut.failed:
+            if ctx.get(side.valid):
+                context = ctx.get(side.payload.context)
+                assert not self.failed[context], f"{where}: a ray fails twice"
+                self.failed[context] = moved = True
+        if ctx.get(dut.node.valid) and ctx.get(dut.node.ready):
+            self.nodes.pop(self.offered)
+            self.offered, moved = -1, True
+        for request, visits in ((dut.node_request, self.nodes), (dut.leaf_request, self.leaves)):
+            if ctx.get(request.valid):
+                payload = request.payload
+                visit: Any = (ctx.get(payload.context), ctx.get(payload.address))
+                assert visit[0] in self.visits, f"{where}: a visit of no ray"
+                visits.append((*visit, ctx.get(payload.rank)) if visits is self.nodes else visit)
+                self.most = max(self.most, self.under_way(visit[0]))
+                moved = True
+        if ctx.get(dut.finished.valid) and ctx.get(dut.finished.ready):
+            context = ctx.get(dut.finished.payload.context)
+            assert context in self.visits, f"{where}: a ray that is not there is finished"
+            assert not self.under_way(context), f"{where}: a ray is finished before its visits"
+            assert ctx.get(dut.finished.payload.failed) == self.failed.pop(context, False), where
+            del self.visits[context]
+            self.leaving.append(context)
+            self.finished += 1
+            moved = True
+        assert self.most <= self.overlap, f"{where}: {self.most} visits of a ray under way"
+        return moved
+
+
+@pytest.mark.parametrize("overlap", [1, 2, 3])
+def test_every_ray_is_finished_once(overlap: int) -> None:
+    dut = Control(SMALL)
+    around = Surroundings(dut, overlap)
+    rng = around.rng
+
+    async def testbench(ctx: Any) -> None:
+        ctx.set(dut.overlap, overlap)
+        ctx.set(dut.levels, 2)
+        ctx.set(dut.root, 1)
+        ctx.set(dut.time_read.time, (1 << TIME_BITS) - 1)  # nothing is beyond the best hit
+        ctx.set(dut.node_request.ready, 1)
+        ctx.set(dut.leaf_request.ready, 1)
+        for slot in range(WIDTH):
+            ctx.set(dut.node.payload.hits.slot[slot], slot)
+        sent = idle = 0
+        while around.finished < RAYS:
+            ctx.set(dut.start.valid, sent < RAYS and rng.random() < 0.5)
+            ctx.set(dut.finished.ready, rng.random() < 0.5)
+            ctx.set(dut.node.valid, around.offered >= 0)
+            around.offer_node(ctx)
+            around.offer_leaf(ctx)
+            around.strobe(ctx, dut.started, around.starting)
+            around.strobe(ctx, dut.release, around.leaving)
+            if ctx.get(dut.start.valid) and ctx.get(dut.start.ready):
+                context = ctx.get(dut.start_context)
+                assert context not in around.visits, f"seed {SEED}, overlap {overlap}: context {context} is taken"
+                around.visits[context], sent = 0, sent + 1
+                around.starting.append(context)
+            idle = 0 if around.see(ctx) else idle + 1
+            assert idle < PATIENCE, f"seed {SEED}, overlap {overlap}: hangs after {around.finished} rays"
+            await ctx.tick()
+        assert around.most == overlap, "fewer visits at a time than there may be"
+
+    simulator = Simulator(dut)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(testbench)
+    simulator.run()
