@@ -147,14 +147,20 @@ def test_interrupt_leaves_nothing(tmp_path: Path, room: Path) -> None:
     before = files_below(tmp_path)
     command = [str(PROGRAM), "render", str(room), "--frames", "100000", "--size", "64x64", "--out", "out"]
     for how, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
+        # In the background of a shell these tests ignore interrupts, and what they start would too.
+        handler = signal.signal(signal.SIGINT, signal.default_int_handler)
         process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-        deadline = time.monotonic() + 60
-        while not list(tmp_path.glob(".out.*/frames/0001.png")):
-            assert time.monotonic() < deadline
-            assert process.poll() is None, process.communicate()
-            time.sleep(0.05)
-        process.send_signal(how)
-        out, err = process.communicate(timeout=60)
+        signal.signal(signal.SIGINT, handler)
+        try:
+            deadline = time.monotonic() + 60
+            while not list(tmp_path.glob(".out.*/frames/0001.png")):
+                assert time.monotonic() < deadline
+                assert process.poll() is None, process.communicate()
+                time.sleep(0.05)
+            process.send_signal(how)
+            out, err = process.communicate(timeout=60)
+        finally:
+            process.kill()  # where the test has failed
         assert (process.returncode, out) == (code, "")
         assert "Traceback" not in err
         assert files_below(tmp_path) == before
