@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gen.verilog import convert, ports_of
+from gen.verilog import ports_of
 from golden_model import bitpack
 from golden_model.formats import RAY_QUERY, TRIANGLE
 from golden_model.ray_families import adversarial_rays, diffuse_rays
@@ -18,6 +18,7 @@ from golden_model.wide_traversal import queries_of, trace_tree
 from rtl.config import PRESETS
 from rtl.traversal.array import TraversalArray, traversal
 from rtl.traversal.unit import Traversal
+from sim.emitted import emitted
 from sim.traversal import TraversalUnit
 
 SEED = 1989
@@ -37,7 +38,7 @@ CONFIG = replace(
 
 @cache
 def verilog() -> str:
-    return convert(traversal(CONFIG), "traversal")
+    return emitted("traversal", CONFIG)
 
 
 @cache

@@ -35,7 +35,7 @@ def test_bench(unit: str, simulator: str, tmp_path: Path) -> None:
     assert bench(unit, simulator, tmp_path) == 8
 
 
-@pytest.mark.parametrize("preset", ["tiny", "full"])
+@pytest.mark.parametrize("preset", ["tiny", pytest.param("full", marks=pytest.mark.long)])
 def test_ray_triangle_bench_of_the_other_presets(preset: str, tmp_path: Path) -> None:
     assert bench("ray_triangle", "verilator", tmp_path, preset) == 8
 
