@@ -18,7 +18,7 @@ WIDTHS = (4, WIDTH)
 class NodeTest(DataflowCore):
     """One node a cycle. Multipliers: 6 of 26x18 bits, in two rows each; 6 of 8x12 or 8x13 bits a box.
 
-    `config.node_test_depth` register stages, 0 to 12. Children in slots from `config.width` on do not count.
+    `config.node_test_depth` register stages, 0 to 15. Children in slots from `config.width` on do not count.
     Raises ValueError for a width other than 4 or 8 and for a depth out of range.
     """
 
