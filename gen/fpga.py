@@ -15,8 +15,14 @@ from typing import Any
 from gen import tools
 from golden_model.errors import InputError
 
+SPEEDS = (6, 7, 8)
+"""Speed grades; 8 is the fastest."""
+
 DEVICES = {"25k": "CABGA256", "85k": "CABGA756"}
 """LFE5U devices, and the package that is taken."""
+
+TARGET = 60
+"""The clock in MHz that placement and routing aim at; without one they are content with 12."""
 
 WRAPPER = "on_pins"
 BITSTREAM = "unit.bit"
@@ -107,7 +113,7 @@ def wrapper(unit: str, ports: Ports) -> str:
     return "\n".join(lines)
 
 
-def place(verilog: str, unit: str, ports: Ports, device: str, folder: Path, seed: int = 1) -> Placed:
+def place(verilog: str, unit: str, ports: Ports, device: str, folder: Path, speed: int = 6, seed: int = 1) -> Placed:
     """Synthesises, places and routes a unit in `folder` and writes its bitstream there, unit.bit.
 
     Raises InputError where a tool is missing or fails. A unit that does not fit is no failure: `fits` says so.
@@ -117,6 +123,7 @@ def place(verilog: str, unit: str, ports: Ports, device: str, folder: Path, seed
     tools.yosys(SCRIPT.format(top=WRAPPER, name="-D DSP_NAME=$__MUL18X18"), folder, "synthesis")
     options = [f"--{device}", "--package", DEVICES[device], "--json", "mapped.json", "--textcfg", "unit.config"]
     options += ["--report", "report.json", "--timing-allow-fail", "--lpf-allow-unconstrained", "--seed", str(seed)]
+    options += ["--speed", str(speed), "--freq", str(TARGET)]
     log = folder / "placed.log"
     shell = ["--log", log.name, "--quiet", *options]
     try:

@@ -23,6 +23,8 @@ class Memory:
     width: int
     reads: int
     writes: int
+    masked: bool = False
+    """Bits of a word are written on their own, so that a write enable has a bit for each of them."""
 
     @property
     def bits(self) -> int:
@@ -31,18 +33,18 @@ class Memory:
     @property
     def macro(self) -> str:
         """The name of the empty module."""
-        return f"ram_{self.depth}x{self.width}_{self.reads}r{self.writes}w"
+        return f"ram_{self.depth}x{self.width}_{self.reads}r{self.writes}w{'_masked' if self.masked else ''}"
 
     @property
     def address_width(self) -> int:
         return max(1, (self.depth - 1).bit_length())
 
     def ports(self) -> Iterator[tuple[str, str, int]]:
-        """Name, direction and width of every port. A write enable has a bit for each bit of the word."""
+        """Name, direction and width of every port."""
         yield "clk", "input", 1
         for kind, count in (("r", self.reads), ("w", self.writes)):
             for port in range(count):
-                yield f"{kind}{port}_en", "input", 1 if kind == "r" else self.width
+                yield f"{kind}{port}_en", "input", self.width if kind == "w" and self.masked else 1
                 yield f"{kind}{port}_addr", "input", self.address_width
                 yield f"{kind}{port}_data", "output" if kind == "r" else "input", self.width
 
@@ -123,11 +125,13 @@ def _replace(module: str, name: str, cell: Json, wires: _Wires) -> Memory:
     parameters, old = cell["parameters"], cell["connections"]
     width, address_bits = _number(parameters["WIDTH"]), _number(parameters["ABITS"])
     reads, writes = _number(parameters["RD_PORTS"]), _number(parameters["WR_PORTS"])
-    memory = Memory(module, name.lstrip("\\"), _number(parameters["SIZE"]), width, reads, writes)
+    enables = [_slice(old["WR_EN"], port, width) for port in range(writes)]
+    masked = any(len(set(bits)) > 1 for bits in enables)
+    memory = Memory(module, name.lstrip("\\"), _number(parameters["SIZE"]), width, reads, writes, masked)
     clock = old["RD_CLK"][:1]
     connections: dict[str, list[Bit]] = {"clk": clock}
     for port in range(writes):
-        connections[f"w{port}_en"] = _slice(old["WR_EN"], port, width)
+        connections[f"w{port}_en"] = enables[port] if masked else enables[port][:1]
         connections[f"w{port}_addr"] = _slice(old["WR_ADDR"], port, address_bits)[: memory.address_width]
         connections[f"w{port}_data"] = _slice(old["WR_DATA"], port, width)
     transparent = _number(parameters["RD_TRANSPARENCY_MASK"])
@@ -170,7 +174,9 @@ def _bypass(
     size = {"A_WIDTH": len(address), "B_WIDTH": len(address), "Y_WIDTH": 1, "A_SIGNED": 0, "B_SIGNED": 0}
     wires.cell(f"${name}_eq", "$eq", size, A=address, B=connections[f"w{write}_addr"], Y=same)
     size = {"A_WIDTH": width, "B_WIDTH": width, "Y_WIDTH": width, "A_SIGNED": 0, "B_SIGNED": 0}
-    wires.cell(f"${name}_and", "$and", size, A=connections[f"w{write}_en"], B=same * width, Y=written)
+    enables = connections[f"w{write}_en"]
+    enables = enables if len(enables) == width else enables * width
+    wires.cell(f"${name}_and", "$and", size, A=enables, B=same * width, Y=written)
     flip_flop = {"WIDTH": width, "CLK_POLARITY": 1, "EN_POLARITY": 1}
     for part, data, kept in (("hold", written, hold), ("word", connections[f"w{write}_data"], word)):
         wires.cell(f"${name}_{part}", "$dffe", flip_flop, CLK=clock, EN=enable, D=data, Q=kept)

@@ -46,8 +46,8 @@ PLAIN_FLIP_FLOPS = "dfflegalize -cell $_DFF_P_ x\nopt_clean\n"
 FLATTEN = "setattr -mod -unset keep_hierarchy *\nflatten\n"
 
 MAPPING = "strash\ndch\nmap -B 0.9\ntopo\nbuffer -N 8\nupsize\ndnsize\n"
-"""ABC's steps to a library. Without the buffers, nets of high fan-out ruin the timing. Not `buffer -c`, which counts the
-library's wire loads, where the timing has no wires: a large design then gets a buffer behind every gate."""
+"""ABC's steps to a library. Without the buffers, nets of high fan-out ruin the timing. Not `buffer -c`, which counts
+the library's wire loads, where the timing has no wires: a large design then gets a buffer behind every gate."""
 
 
 @dataclass(frozen=True)

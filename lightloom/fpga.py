@@ -22,6 +22,7 @@ class OnDevice:
     unit: str
     preset: str
     device: str
+    speed: int
     placed: Placed
     folder: Path
     """Where unit.bit is, if it fits."""
@@ -34,6 +35,7 @@ class OnDevice:
             "unit": self.unit,
             "preset": self.preset,
             "device": self.device,
+            "speed_grade": self.speed,
             **placed.used,
             **{f"{kind}_available": count for kind, count in placed.available.items()},
             "wrapper_flip_flops": placed.wrapper_flip_flops,
@@ -43,14 +45,18 @@ class OnDevice:
         }
 
 
-def place(unit: str, preset: str, device: str, seed: int) -> OnDevice:
+def place(unit: str, preset: str, device: str, speed: int, seed: int) -> OnDevice:
     """Places and routes one unit. Raises InputError where a tool is missing."""
     config = PRESETS[preset]
     verilog = emitted(unit, config)
     versions = [tools.version(name) for name in TOOLS]
     folder = (
-        toolchain.cache_folder() / "fpga" / f"{unit}-{key_of(verilog, device, str(seed), *versions, text_of(fpga))}"
+        toolchain.cache_folder()
+        / "fpga"
+        / f"{unit}-{key_of(verilog, device, str(speed), str(seed), *versions, text_of(fpga))}"
     )
     ports = [(port["name"], port["direction"], port["width"]) for port in manifest(unit, config)["ports"]]
-    made, seconds = kept(folder / "placed.json", lambda: asdict(fpga.place(verilog, unit, ports, device, folder, seed)))
-    return OnDevice(unit, preset, device, Placed(**made), folder, seconds)
+    made, seconds = kept(
+        folder / "placed.json", lambda: asdict(fpga.place(verilog, unit, ports, device, folder, speed, seed))
+    )
+    return OnDevice(unit, preset, device, speed, Placed(**made), folder, seconds)

@@ -36,7 +36,7 @@ def parts(root: Path) -> dict[str, list[str]]:
     named = {f"synth-{name}": ["synth", *units, *options] for name, options in libraries.items()}
     named |= {"synth-check": ["synth", *CHECKED, *libraries["ihp-slow-base"], "--check"]}
     named |= {"gates": ["synth", *units, *presets]}
-    named |= {"fpga": ["fpga", SYSTEM]}
+    named |= {"fpga": ["fpga", SYSTEM, "--speed", "8"]}
     named |= {f"synth-{name}-{SYSTEM}": ["synth", SYSTEM, *options] for name, options in libraries.items()}
     return named | {f"gates-{SYSTEM}": ["synth", SYSTEM, "--preset", "base"]}
 

@@ -26,7 +26,14 @@ MAPPED |= {"fmax_mhz": "MHz", "path_cells": "cells deep", "path_start": "from", 
 CHECKS = {**UNIT, "library": "library", "seed": "seed", "vectors": "vectors", "mismatches": "mismatches"}
 MACROS = {**UNIT, "memory": "memory", "depth": "words", "width": "bits", "macro": "macro", "macros": "macros"}
 MACROS |= {"filled": "filled", "macro_area_um2": "area, µm²"}
-FPGA = {**UNIT, "device": "device", "luts": "LUTs", "luts_available": "of", "flip_flops": "flip-flops"}
+FPGA = {
+    **UNIT,
+    "device": "device",
+    "speed_grade": "speed grade",
+    "luts": "LUTs",
+    "luts_available": "of",
+    "flip_flops": "flip-flops",
+}
 FPGA |= {"wrapper_flip_flops": "the wrapper's", "multipliers": "multipliers", "block_rams": "block RAMs"}
 FPGA |= {"fits": "fits", "fmax_mhz": "MHz"}
 CYCLES = {"scene": "scene", "width": "width", "contexts": "contexts", "latency": "latency", "rays": "rays"}
@@ -104,7 +111,7 @@ def _made_by(reports: Sequence[Report]) -> str:
 def _sorted(reports: Sequence[Report], name: str) -> list[Row]:
     """The rows of several reports, of each measurement the last one."""
     found = {
-        tuple(row.get(key) for key in ("unit", "preset", "memory", "library", "device")): row
+        tuple(row.get(key) for key in ("unit", "preset", "memory", "library", "device", "speed_grade")): row
         for report in reports
         for row in report.get(name, [])
     }

@@ -62,16 +62,16 @@ class Config:
 PRESETS: dict[str, Config] = {
     "tiny": Config(
         tag_width=4,
-        add_depth=1,
-        multiply_depth=1,
-        difference_of_products_depth=2,
+        add_depth=3,
+        multiply_depth=2,
+        difference_of_products_depth=4,
         multiplier_blocks=True,
-        divide_depth=7,
-        reciprocal_depth=5,
-        sqrt_depth=6,
+        divide_depth=14,
+        reciprocal_depth=7,
+        sqrt_depth=9,
         compare_depth=1,
-        convert_depth=1,
-        node_test_depth=5,
+        convert_depth=2,
+        node_test_depth=10,
         triangle_interval=2,
         contexts=16,
         stack=16,
@@ -108,7 +108,7 @@ PRESETS: dict[str, Config] = {
 }
 
 PRESET_SUMMARIES: dict[str, str] = {
-    "tiny": "shallow pipelines: least area and latency, low clock",
+    "tiny": "small caches, few rays in flight, half the triangle tests; its pipelines are those for an FPGA",
     "base": "the default",
     "full": "the deepest pipelines: highest clock",
 }

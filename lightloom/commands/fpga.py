@@ -13,6 +13,7 @@ COLUMNS = {
     "unit": "unit",
     "preset": "preset",
     "device": "device",
+    "speed_grade": "speed grade",
     "luts": "LUTs",
     "flip_flops": "flip-flops",
     "multipliers": "multipliers",
@@ -26,6 +27,7 @@ COLUMNS = {
 def fpga(
     units: Annotated[list[str], typer.Argument(metavar="UNIT", help="Names of units.", show_default=False)],
     device: Annotated[str, typer.Option("--device", metavar="25k|85k", help="An ECP5 of so many LUTs.")] = "85k",
+    speed: Annotated[str, typer.Option("--speed", metavar="6|7|8", help="Its speed grade.")] = "6",
     preset: Annotated[str, typer.Option("--preset", metavar="|".join(PRESETS), help="Hardware parameters.")] = "tiny",
     seed: Seed = 1,
     out: Annotated[
@@ -36,32 +38,35 @@ def fpga(
     """Place and route units on a Lattice ECP5 with Yosys and nextpnr: what they use, their clock, a bitstream.
 
     Units have more ports than a device has pins: a wrapper shifts them in and out through five pins. Its flip-flops,
-    one a port bit, are among those used. The clock is that of the slowest path after routing, at speed grade 6.
+    one a port bit, are among those used. The clock is that of the slowest path after routing.
 
     \b
     Examples:
       lightloom fpga ray_setup --device 25k
-      lightloom fpga traversal --preset tiny --out build/fpga
+      lightloom fpga traversal --speed 8 --out build/fpga
     """
     import shutil
 
     from gen import tools
-    from gen.fpga import BITSTREAM, DEVICES
+    from gen.fpga import BITSTREAM, DEVICES, SPEEDS
     from golden_model.outputs import whole_folder
     from lightloom.console import Progress, json_text, print_json, print_table
     from lightloom.fpga import TOOLS, place
     from rtl.catalogue import CATALOGUE
 
     choose(device, DEVICES, "device")
+    grades = {str(grade): grade for grade in SPEEDS}
+    choose(speed, grades, "speed grade")
     choose(preset, PRESETS, "preset")
     names = [choose(name, CATALOGUE, "unit") for name in dict.fromkeys(units)]
     placed = []
     with Progress() as progress:
         for name in names:
-            with progress.stage(f"{name} {preset} {device}"):
-                placed.append(place(name, preset, device, seed))
+            with progress.stage(f"{name} {preset} {device}-{speed}"):
+                placed.append(place(name, preset, device, grades[speed], seed))
+    chosen = f"--device {device} --speed {speed} --preset {preset} --seed {seed}"
     report = {
-        "command": f"lightloom fpga {' '.join(names)} --device {device} --preset {preset} --seed {seed}",
+        "command": f"lightloom fpga {' '.join(names)} {chosen}",
         "versions": {name: tools.version(name) for name in TOOLS},
         "rows": [one.row() for one in placed],
     }

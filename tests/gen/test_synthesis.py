@@ -175,20 +175,23 @@ def test_small_memory_becomes_flip_flops(tmp_path: Path) -> None:
 
 
 MODEL = """
-module ram_16x8_2r1w(clk, r0_en, r0_addr, r0_data, r1_en, r1_addr, r1_data, w0_en, w0_addr, w0_data);
+module NAME(clk, r0_en, r0_addr, r0_data, r1_en, r1_addr, r1_data, w0_en, w0_addr, w0_data);
   input clk, r0_en, r1_en;
   input [3:0] r0_addr, r1_addr, w0_addr;
-  input [7:0] w0_en, w0_data;
+  input [ENABLES-1:0] w0_en;
+  input [7:0] w0_data;
   output [7:0] r0_data, r1_data;
   reg [7:0] r0_data, r1_data;
   reg [7:0] words [0:15];
+  wire [7:0] mask = {8/ENABLES{w0_en}};
   always @(posedge clk) begin
-    words[w0_addr] <= (w0_data & w0_en) | (words[w0_addr] & ~w0_en);
+    words[w0_addr] <= (w0_data & mask) | (words[w0_addr] & ~mask);
     if (r0_en) r0_data <= words[r0_addr];
     if (r1_en) r1_data <= words[r1_addr];
   end
 endmodule
 """
+MASKED = "begin words[wa][3:0] <= wd[3:0]; if (wd[0]) words[wa][7:4] <= wd[7:4]; end"
 BENCH = """
 module bench;
   reg clk = 0, we = 1, re = 1;
@@ -214,10 +217,16 @@ endmodule
 
 
 @needs_icarus
-def test_bypass_around_a_memory_does_what_the_verilog_says(tmp_path: Path) -> None:
-    synthesis.elaborate(RAM, "ram", tmp_path, 128)
+@pytest.mark.parametrize("masked", [False, True], ids=["words", "parts of words"])
+def test_memory_and_bypass_do_what_the_verilog_says(masked: bool, tmp_path: Path) -> None:
+    ram = RAM
+    if masked:  # without a bypass: Yosys sees none around writes of parts
+        ram = RAM.replace("words[wa] <= wd;", MASKED).replace("we && wa == ra ? wd : words[ra]", "words[ra]")
+    (memory,) = synthesis.elaborate(ram, "ram", tmp_path, 128).memories
+    assert memory.masked == masked
+    model = MODEL.replace("NAME", memory.macro).replace("ENABLES", "8" if masked else "1")
     tools.yosys("read_rtlil gates.il\nwrite_verilog -noattr gates.v\n", tmp_path)
-    (tmp_path / "model.v").write_text(MODEL + RAM.replace("module ram(", "module original(") + BENCH)
+    (tmp_path / "model.v").write_text(model + ram.replace("module ram(", "module original(") + BENCH)
     command = ["iverilog", "-g2001", "-s", "bench", "-o", "bench.vvp", "gates.v", "model.v"]
     subprocess.run(command, cwd=tmp_path, check=True)
     done = subprocess.run(["vvp", "-n", "bench.vvp"], cwd=tmp_path, check=True, capture_output=True, text=True)
