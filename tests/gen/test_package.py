@@ -91,7 +91,7 @@ def test_a_damaged_file_is_heard(copy: Path) -> None:
         ("testbench/half_to_float.hex", "\n0", "\n1", "a wrong result"),
         ("rtl/half_to_float.v", "if (rst)", "if (1'b0)", "o__valid is unknown"),
         ("rtl/half_to_float.v", "assign i__ready = ", "assign i__ready = 1'b1 | ", "a waiting result changed"),
-        ("testbench/half_to_float_tb.v", "LATENCY = 1", "LATENCY = 2", "the latency is not as stated"),
+        ("testbench/half_to_float_tb.v", "LATENCY = 2", "LATENCY = 3", "the latency is not as stated"),
         ("testbench/half_to_float_tb.v", "INTERVAL = 1", "INTERVAL = 2", "the initiation interval is not as stated"),
     ],
     ids=["result", "reset", "stall", "latency", "interval"],
