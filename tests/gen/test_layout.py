@@ -107,13 +107,14 @@ def test_a_root_without_the_pdk(tmp_path: Path) -> None:
 @pytest.mark.long
 @pytest.mark.skipif(any(shutil.which(program) is None for program in PROGRAMS), reason="apt install qflow")
 @pytest.mark.skipif("PDK_ROOT" not in os.environ, reason="PDK_ROOT names no folder with IHP SG13G2")
-def test_layout_of_an_adder(tmp_path: Path) -> None:
+def test_layout_of_a_conversion(tmp_path: Path) -> None:
     from lightloom.layout import lay_out
 
     root = Path(os.environ["PDK_ROOT"])
     if not all(any(root.rglob(name)) for name in FILES.values()):
         pytest.skip("PDK_ROOT holds no IHP SG13G2")
-    row = lay_out("float_add", "tiny", root, tmp_path / "out", 1)["rows"][0]
+    row = lay_out("fixed_to_float", "tiny", root, tmp_path / "out", 1)["rows"][0]
     assert row["unrouted"] == row["nets_not_in_netlist"] == 0
     assert row["nets_as_in_netlist"] == row["nets_of_netlist"] > 1000
-    assert {path.name for path in (tmp_path / "out").iterdir()} >= {"float_add.gds", "float_add.png", "layout.json"}
+    files = {path.name for path in (tmp_path / "out").iterdir()}
+    assert files >= {"fixed_to_float.gds", "fixed_to_float.png", "layout.json"}
