@@ -33,7 +33,6 @@ def layout(
 
     \b
     Examples:
-      lightloom layout fixed_to_float --pdk-root pdks/ihp-sg13g2
       lightloom layout fixed_to_float --pdk-root pdks/ihp-sg13g2 --out build/fixed
     """
     from lightloom.console import Progress, print_json, print_table
