@@ -106,13 +106,21 @@ class Control(wiring.Component):
             return context & condition.replicate(contexts)
 
         # --- the result of a node -----------------------------------------------------------------------------------
-        # The buffer keeps what is decided here apart from the node stage, which stops as a whole.
-        m.submodules.results = results = Buffer(self.node.payload.shape())
-        wiring.connect(m, wiring.flipped(self.node), results.i)
-        node: data.View = results.o.payload
+        # The buffer keeps what is decided here apart from the node stage, which stops as a whole. The ray's mask is
+        # decoded in front of it: behind it, all that is decided in this cycle would wait for the decoder.
+        kept = data.StructLayout({"result": node_result(config), "mask": contexts})
+        m.submodules.results = results = Buffer(kept)
+        node: data.View = results.o.payload.result
         node_take = Signal()
-        m.d.comb += [results.o.ready.eq(stacks.push.ready), node_take.eq(results.o.valid & stacks.push.ready)]
-        node_context = mask("node_context", only_if(results.o.valid, one_hot(node.context, contexts)))
+        m.d.comb += [
+            results.i.valid.eq(self.node.valid),
+            self.node.ready.eq(results.i.ready),
+            results.i.payload.result.eq(self.node.payload),
+            results.i.payload.mask.eq(one_hot(self.node.payload.context, contexts)),
+            results.o.ready.eq(stacks.push.ready),
+            node_take.eq(results.o.valid & stacks.push.ready),
+        ]
+        node_context = mask("node_context", only_if(results.o.valid, results.o.payload.mask))
         here = Signal(height_bits(config))  # the height of the ray's stack
         rest = Signal(4)  # children beside the nearest
         above = Signal(range(config.stack + 8))  # the height with all of them
