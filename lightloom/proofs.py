@@ -11,6 +11,7 @@ from typing import Any
 
 from gen import tools
 from gen.formal import mutations
+from gen.formal.faults import FAULTS
 from gen.formal.properties import HOLDS, Outcome, Property
 from gen.formal.solve import PROGRAMS, solve
 from golden_model.errors import InputError
@@ -77,8 +78,8 @@ def _failure(outcome: Outcome, out: Path) -> str:
 
 def mutation_table(names: Sequence[str], jobs: int) -> Table:
     """Seeds faults, one at a time, and runs what has to catch each."""
-    chosen = [mutations.MUTATIONS[choose(name, mutations.MUTATIONS, "fault")] for name in names]
-    chosen = chosen or list(mutations.MUTATIONS.values())
+    chosen = [FAULTS[choose(name, FAULTS, "fault")] for name in names]
+    chosen = chosen or list(FAULTS.values())
     with Progress() as progress, progress.stage("faults", len(chosen)) as advance:
         caught = mutations.run(chosen, jobs, done=lambda one: advance(1))
     survivors = [row["fault"] for row in caught if not row["caught by"] and not row["equivalent"]]

@@ -94,7 +94,8 @@ class BlockCache(wiring.Component):
         read_valid = Signal()
         kept_valid = Signal()
         done = Signal()
-        moves, read_moves = Signal(), Signal()
+        moves = Signal()
+        read_moves = Signal()
         kept = register(m, ~read_moves & ~kept_valid, self.i.payload, "kept")
         incoming = Signal.like(self.i.payload)
         m.d.comb += [
@@ -210,7 +211,8 @@ class BlockCache(wiring.Component):
         for lane in range(axi.block_beats):
             depth = self.sets * self.ways
             m.submodules[f"blocks{lane}"] = memory = Memory(shape=axi.data_width, depth=depth, init=[])
-            writes, reads = memory.write_port(), memory.read_port()
+            writes = memory.write_port()
+            reads = memory.read_port()
             m.d.comb += [
                 writes.en.eq(fill.write & (fill.lane == lane)),
                 writes.addr.eq(fill.line),

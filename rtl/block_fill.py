@@ -40,7 +40,8 @@ class BlockFill(Component):
     def elaborate(self, platform: object) -> Module:
         m = Module()
         m.submodules.lines = lines = Memory(shape=self.line_width, depth=max(self.misses, 2), init=[])
-        writes, reads = lines.write_port(), lines.read_port()
+        writes = lines.write_port()
+        reads = lines.read_port()
         incoming = self.rid[: len(self.miss)]
         m.d.comb += [
             writes.en.eq(self.start),

@@ -73,9 +73,11 @@ class BlockLines(Component):
         label = data.StructLayout({"name": len(name), "miss": len(self.miss)})
         chosen = Signal(self.ways)  # the way of the victim
         # A label that is written while the next block's labels are there replaces the one that was read.
-        same_row, same_name = Signal(), Signal()
+        same_row = Signal()
+        same_name = Signal()
         m.d.comb += [same_row.eq(read_row == row), same_name.eq(read_name == name)]
-        same, awaited_misses = Signal(self.ways), []
+        same = Signal(self.ways)
+        awaited_misses = []
         for way in ways:
             m.submodules[f"labels{way}"] = memory = Memory(shape=label, depth=self.sets, init=[])
             writes = memory.write_port()
@@ -125,7 +127,8 @@ class BlockLines(Component):
         from_start = Signal(self.ways)
         m.d.sync += from_start.eq(Const((1 << self.ways) - 1, self.ways) << start)
         unused = Signal(self.ways)
-        candidates, later = Signal(self.ways), Signal(self.ways)
+        candidates = Signal(self.ways)
+        later = Signal(self.ways)
         all_used = Signal()
         m.d.comb += [
             self.available.eq(~is_locked.all()),

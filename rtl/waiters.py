@@ -58,7 +58,8 @@ class Waiters(Component):
         m.d.sync += added.eq(self.add)
         miss = register(m, self.add, self.miss, "miss_d1")
         number = register(m, self.add, numbers.o.payload, "number_d1")
-        before, latest = newest.read_port(domain="comb"), newest.write_port()
+        before = newest.read_port(domain="comb")
+        latest = newest.write_port()
         link = entries.write_port()
         m.d.comb += [
             before.addr.eq(miss),
@@ -77,7 +78,9 @@ class Waiters(Component):
         done = data.StructLayout({"miss": self.miss_width, "line": self.line_width, "error": 1})
         m.submodules.lists = lists = Queue(done, self.misses)
         head = newest.read_port(domain="comb")
-        next_list, next_valid, next_moves = Signal(done, reset_less=True), Signal(), Signal()
+        next_list = Signal(done, reset_less=True)
+        next_valid = Signal()
+        next_moves = Signal()
         begin = Signal()  # the head of the next list is known
         taken = Signal()  # and is on its way
         load = Signal()

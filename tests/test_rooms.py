@@ -65,6 +65,18 @@ def test_every_unit_has_its_name_in_every_room() -> None:
             assert (ROOT / "verif" / f"test_{unit}.py").exists()
 
 
+def test_every_signal_has_a_line_of_its_own() -> None:
+    # Amaranth names a signal by the line that makes it; of several in one line, only the last gets its name.
+    wrong = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for path in sources("rtl")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Assign) and isinstance(node.value, ast.Tuple)
+        if any(re.match(r"Signal\((?!.*name=)|.*_port\(", ast.unparse(value)) for value in node.value.elts)
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
 # Results that depend on the host's processor or libraries have no place in the model's arithmetic.
 HOST_DEPENDENT = re.compile(
     r"np\.(dot|matmul|einsum|inner|vdot|tensordot|sin|cos|tan|exp|exp2|log|log2|log10|power)\(|fastmath=True| @ "

@@ -56,7 +56,9 @@ def addresses(count: int) -> Bench:
         who = bench.constant("who", range(count))
         bench.assume(who < count)
         waits = Signal()
-        passed, distance, last = Signal(range(count + 2)), Signal(range(count)), Signal(range(count))
+        passed = Signal(range(count + 2))
+        distance = Signal(range(count))
+        last = Signal(range(count))
         above = bench.inner("asker_above")
         m.d.comb += waits.eq(Array(master.arvalid & ~master.arready for master in masters)[who])
         with m.If(~waits):

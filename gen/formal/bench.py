@@ -118,6 +118,10 @@ class Bench:
         memory.read_port(domain="comb", addr=at, data=data, en=Const(1), transparent_for=())
         return data
 
+    def read_data(self, path: str, port: int) -> Value:
+        """What a read port of a memory inside the component gives; they are numbered as they were made."""
+        return Value.cast(self._memory(path)._read_ports[port]._data)
+
     def _memory(self, path: str) -> MemoryInstance:
         memory = self._inside(path.split("/"))
         assert isinstance(memory, MemoryInstance), f"{path} is no memory"

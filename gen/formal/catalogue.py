@@ -2,6 +2,7 @@
 
 from gen.formal import (
     arbiter,
+    best_hits,
     box_test,
     cache,
     control,
@@ -16,7 +17,21 @@ from gen.formal import (
 )
 from gen.formal.properties import Property
 
-ROOMS = (stream_units, queues, arbiter, counting, lines, cache, stacks, control, special_cases, cuts, numbers, box_test)
+ROOMS = (
+    stream_units,
+    queues,
+    arbiter,
+    counting,
+    lines,
+    cache,
+    stacks,
+    best_hits,
+    control,
+    special_cases,
+    cuts,
+    numbers,
+    box_test,
+)
 
 PROPERTIES: dict[str, Property] = {one.key: one for room in ROOMS for one in room.properties()}
 """By `unit/property`."""

@@ -19,8 +19,11 @@ def life(config: Config) -> Bench:
     start, started, node, leaf = component.start, component.started, component.node, component.leaf
     finished, release = component.finished, component.release
     who = bench.constant("who", range(config.contexts))
-    taken, begun, done = Signal(), Signal(), Signal()  # the context has a ray, whose visits may begin, that is finished
-    nodes, leaves = Signal(range(config.overlap + 2)), Signal(range(config.overlap + 2))  # visits under way
+    taken = Signal()  # the context has a ray,
+    begun = Signal()  # whose visits may begin,
+    done = Signal()  # that is finished
+    nodes = Signal(range(config.overlap + 2))  # visits under way
+    leaves = Signal(range(config.overlap + 2))
     failed = Signal()
 
     starts = start.valid & start.ready & (component.start_context == who)

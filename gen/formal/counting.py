@@ -33,7 +33,10 @@ def fill(data_width: int, misses: int) -> Bench:
     m, lanes = bench.m, component.lanes
     who = bench.constant("who", range(misses))
     bench.assume(who < misses)
-    under_way, line, beats, failed = Signal(), Signal(3), Signal(range(lanes + 1)), Signal()
+    under_way = Signal()
+    line = Signal(3)
+    beats = Signal(range(lanes + 1))
+    failed = Signal()
     starts = component.start & (component.start_miss == who)
     beat = component.rvalid & (component.rid == who)
     m.d.sync += under_way.eq((under_way | starts) & ~(beat & component.rlast))

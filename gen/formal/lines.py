@@ -19,8 +19,11 @@ def lines(*, sets: int, ways: int, misses: int) -> Bench:
     invalidate = bench.any("invalidate")
 
     # Two steps, as the cache takes them: what is looked up moves on when the one before it is done.
-    read_valid, valid, done = Signal(), Signal(), bench.any("done")
-    read_block, current = Signal(BLOCK_BITS), Signal(BLOCK_BITS)
+    read_valid = Signal()
+    valid = Signal()
+    done = bench.any("done")
+    read_block = Signal(BLOCK_BITS)
+    current = Signal(BLOCK_BITS)
     m.d.comb += [
         component.step.eq(~valid | done),
         component.look.eq(~read_valid | component.step),
@@ -48,7 +51,9 @@ def lines(*, sets: int, ways: int, misses: int) -> Bench:
         ]
         bench.assume(~invalidate | ~(locked[k] | allocate))
 
-    here, line, miss = Signal(), Signal(component.line_width), Signal(len(component.miss))
+    here = Signal()
+    line = Signal(component.line_width)
+    miss = Signal(len(component.miss))
     mine = Signal()  # the block that the outputs describe is the followed one
     m.d.comb += mine.eq(valid & (current == block))
     with m.If(invalidate | (component.filled & component.filled_error & (filled == line))):

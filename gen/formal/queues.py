@@ -94,7 +94,8 @@ def free_list(count: int) -> Bench:
     bench = Bench(component)
     m, i, o = bench.m, component.i, component.o
     given = Signal(count)  # who has which number
-    number, back = Signal(count), Signal(count)
+    number = Signal(count)
+    back = Signal(count)
     m.d.comb += [
         number.eq(Mux(o.valid & o.ready, 1 << o.payload, 0)),
         back.eq(Mux(i.valid, 1 << i.payload, 0)),

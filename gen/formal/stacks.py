@@ -19,7 +19,8 @@ def entries(config: Config) -> Bench:
     who = bench.constant("who", len(item.context))
     place = bench.constant("place", range(config.stack))
     pending = Signal(range(LISTS + 2))  # lists of this stack that are not written yet
-    known, stored = Signal(), Signal(STACK_ENTRY)
+    known = Signal()
+    stored = Signal(STACK_ENTRY)
 
     # Whoever uses them never fills a stack beyond its end, and reads what is written.
     top = Signal(8)
@@ -32,7 +33,8 @@ def entries(config: Config) -> Bench:
     enters = push.valid & push.ready & (item.context == who)
     comes = written.valid & (written.context == who)
     m.d.sync += pending.eq(pending + enters - comes)
-    index, expected = Signal(3), Signal(STACK_ENTRY)
+    index = Signal(3)
+    expected = Signal(STACK_ENTRY)
     m.d.comb += [
         index.eq(item.last - (place - item.height)),
         expected.entry.eq(item.entry[index]),
@@ -43,7 +45,8 @@ def entries(config: Config) -> Bench:
     with m.If(enters & (item.height <= place) & (place <= top)):
         m.d.sync += [known.eq(1), stored.eq(expected)]
 
-    shows, shown = Signal(), Signal(STACK_ENTRY)  # since the last read: what the place held then
+    shows = Signal()
+    shown = Signal(STACK_ENTRY)  # since the last read: what the place held then
     with m.If(read.en):
         m.d.sync += [shows.eq(reads), shown.eq(stored)]
     bench.require("what_was_pushed", ~shows | (Value.cast(read.entry) == Value.cast(shown)))

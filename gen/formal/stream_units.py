@@ -61,7 +61,8 @@ def handshake(unit: str, config: Config) -> Bench:
     bench.require("out_as_in", o.valid == history[-1])
 
     # One transfer, any one, with its tag: how many moves ago it went in.
-    picks, follows = Signal(), Signal()
+    picks = Signal()
+    follows = Signal()
     place = Signal(range(latency + 1), name="place")
     tag = Signal(component.tag_width, name="tag", reset_less=True)
     released = Signal(range(latency + 1), name="released")  # cycles since then in which the output was free

@@ -118,14 +118,20 @@ class BestHits(wiring.Component):
 
         # What is the best so far is read ahead. Of the two results in between, which may be the same ray's, the first
         # is written while the RAM is read and passes by it; the second one is seen here.
-        t_write, primitive_write, hit_write = nearest.write_port(), primitives.write_port(), hits.write_port()
-        t_read_ahead, primitive_read_ahead = nearest.read_port(), primitives.read_port()
+        t_write = nearest.write_port()
+        primitive_write = primitives.write_port()
+        hit_write = hits.write_port()
+        t_read_ahead = nearest.read_port()
+        primitive_read_ahead = primitives.read_port()
         better = Signal()
         following = Signal(self._context, reset_less=True)
-        t_passing, primitive_passing = Signal(32, reset_less=True), Signal(32, reset_less=True)
+        t_passing = Signal(32, reset_less=True)
+        primitive_passing = Signal(32, reset_less=True)
         passing = Signal()  # the result before this one is the best of the one to come
         again = Signal()  # the next result is compared with this one
-        t_best, primitive_best, found_best = Signal(32, reset_less=True), Signal(32, reset_less=True), Signal()
+        t_best = Signal(32, reset_less=True)
+        primitive_best = Signal(32, reset_less=True)
+        found_best = Signal()
         m.d.comb += [
             t_read_ahead.addr.eq(self.coming.context),
             primitive_read_ahead.addr.eq(self.coming.context),
@@ -157,7 +163,8 @@ class BestHits(wiring.Component):
         ]
         m.d.comb += [hit_write.data[name].eq(result.data[name]) for name in ("t", "u", "v", "front")]
 
-        t_read, t_found = nearest.read_port(), Signal(reset_less=True)
+        t_read = nearest.read_port()
+        t_found = Signal(reset_less=True)
         with m.If(self.best_read.en):
             m.d.sync += t_found.eq(found.bit_select(self.best_read.context, 1))
         m.d.comb += [
@@ -166,7 +173,8 @@ class BestHits(wiring.Component):
             self.best_read.found.eq(t_found),
             self.best_read.t.eq(t_read.data),
         ]
-        hit_read, hit_found = hits.read_port(), Signal(reset_less=True)
+        hit_read = hits.read_port()
+        hit_found = Signal(reset_less=True)
         m.d.sync += hit_found.eq(found.bit_select(self.hit_read.context, 1))
         m.d.comb += hit_read.addr.eq(self.hit_read.context)
         with m.If(hit_found):
@@ -183,7 +191,8 @@ class BestHits(wiring.Component):
         m.submodules.times = times = Memory(shape=TIME_BITS, depth=self._contexts, init=[])
         # Starts wait for a cycle without a better hit, each context at most once.
         m.submodules.starting = starting = Queue(context, self._contexts)
-        timed_write, timed_read = timed.write_port(), timed.read_port()
+        timed_write = timed.write_port()
+        timed_read = timed.read_port()
         m.d.comb += [
             timed_write.en.eq(self.start.valid),
             timed_write.addr.eq(start.context),
@@ -195,7 +204,8 @@ class BestHits(wiring.Component):
         m.d.comb += [timed_write.data[name].eq(start[name]) for name in TIMED]
 
         # A test of the visit has hit: this one, or the one before it.
-        hit, hit_before = Signal(), Signal()
+        hit = Signal()
+        hit_before = Signal()
         m.d.comb += hit.eq(result.any_hit & result.tested & result.data.hit)
         with m.If(self.result.valid):
             m.d.sync += hit_before.eq(~result.last & hit)
@@ -212,7 +222,8 @@ class BestHits(wiring.Component):
             strobes.started.eq(starting.o.valid & ~better),
             strobes.done.eq(self.result.valid & result.last),
         ]
-        t, is_better = Signal(32, reset_less=True), Signal(reset_less=True)
+        t = Signal(32, reset_less=True)
+        is_better = Signal(reset_less=True)
         operands = Signal(ray_time.i.shape(), reset_less=True)
         m.d.sync += [
             t.eq(result.data.t),

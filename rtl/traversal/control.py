@@ -155,7 +155,8 @@ class Control(wiring.Component):
                 with m.Else():
                     m.d.comb += begin_again.eq(1)
         slot = node.hits.slot[node.rank]
-        forward_leaf, forward_node = Signal(), Signal()
+        forward_leaf = Signal()
+        forward_node = Signal()
         forward_address = Signal(ADDRESS_BITS)
         m.d.comb += [
             forward_leaf.eq(node_take & forward & node.leaf.bit_select(slot, 1)),
@@ -210,7 +211,8 @@ class Control(wiring.Component):
         # A stack that a list is being written to, or that the result of a node may change in this cycle, has to wait.
         waiting = mask("waiting", active & ~dead & (fresh | (some_height & room & ~some_pending & ~node_context)))
         under_way = Signal(range(POPS + 1))
-        choose, popped = Signal(), Signal()
+        choose = Signal()
+        popped = Signal()
         m.d.comb += choose.eq((under_way != POPS) & waiting.any())
         m.d.sync += under_way.eq(under_way + choose - popped)
         chosen = next_of(m, "pop", waiting, choose)
@@ -219,8 +221,10 @@ class Control(wiring.Component):
         # From the choice to the queue nothing waits. So the entry is read in the next cycle, before any list of the
         # same ray that comes after the choice is written over it.
         pop_layout = data.StructLayout({"context": context_bits(config), "position": height_bits(config), "fresh": 1})
-        asked, read = Signal(pop_layout, reset_less=True), Signal(pop_layout, reset_less=True)
-        asked_valid, read_valid = Signal(), Signal()
+        asked = Signal(pop_layout, reset_less=True)
+        read = Signal(pop_layout, reset_less=True)
+        asked_valid = Signal()
+        read_valid = Signal()
         m.d.sync += [
             asked_valid.eq(choose),
             asked.context.eq(number_of(chosen)),
@@ -237,7 +241,8 @@ class Control(wiring.Component):
         ]
         waits_layout = data.StructLayout({**node_visit(config).members, "leaf": 1, "beyond": 1})
         m.submodules.pops = pops = SyncFIFO(width=waits_layout.size, depth=POPS)
-        arriving, visit = Signal(waits_layout), Signal(waits_layout)
+        arriving = Signal(waits_layout)
+        visit = Signal(waits_layout)
         m.d.comb += [
             arriving.context.eq(read.context),
             pops.w_data.eq(Value.cast(arriving)),
@@ -252,7 +257,9 @@ class Control(wiring.Component):
             m.d.comb += [arriving[name].eq(entry[name]) for name in ("address", "rank", "leaf")]
             m.d.comb += arriving.beyond.eq(entry.entry > self.time_read.time)
         visit_context = mask("visit_context", only_if(pops.r_rdy, one_hot(visit.context, contexts)))
-        drop, pop_node, pop_leaf = Signal(), Signal(), Signal()
+        drop = Signal()
+        pop_node = Signal()
+        pop_leaf = Signal()
         m.d.comb += [
             drop.eq(pops.r_rdy & (visit.beyond | (visit_context & dead).any())),
             pop_node.eq(pops.r_rdy & ~drop & ~visit.leaf),
@@ -273,7 +280,9 @@ class Control(wiring.Component):
 
         # --- a ray takes a context, and gives it back ---------------------------------------------------------------
         # The context for the next ray is known a cycle before.
-        reserved, reserved_valid, reserved_number = Signal(contexts), Signal(), Signal(context_bits(config))
+        reserved = Signal(contexts)
+        reserved_valid = Signal()
+        reserved_number = Signal(context_bits(config))
         free = mask("free", ~taken & ~reserved)
         first_free = mask("first_free", lowest(m, "free", free))
         start_take = Signal()

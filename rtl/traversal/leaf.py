@@ -87,9 +87,12 @@ class LeafStage(wiring.Component):
         # A visit: its block, its ray and the best t, read in one cycle and put into registers in the next.
         kept = data.StructLayout({name: self._ray[name].shape for name in (*TESTED, "t_max", "mask", "any_hit")})
         m.submodules.rays = rays = Memory(shape=kept, depth=self._contexts, init=[])
-        ray_write, ray_read = rays.write_port(), rays.read_port()
-        take, moves = Signal(), Signal()
-        held, there = Signal(), Signal()
+        ray_write = rays.write_port()
+        ray_read = rays.read_port()
+        take = Signal()
+        moves = Signal()
+        held = Signal()
+        there = Signal()
         visit_layout = data.StructLayout({"context": self._context, "block": layout_of(TRIANGLE_BLOCK), "error": 1})
         arrived = Signal(visit_layout, reset_less=True)
         m.d.comb += [
@@ -106,7 +109,8 @@ class LeafStage(wiring.Component):
             m.d.sync += arrived.eq(self.i.payload)
         with m.If(self.i.ready):
             m.d.sync += held.eq(self.i.valid)
-        visit, ray = Signal(visit_layout, reset_less=True), Signal(kept, reset_less=True)
+        visit = Signal(visit_layout, reset_less=True)
+        ray = Signal(kept, reset_less=True)
         with m.If(moves):
             m.d.sync += [visit.eq(arrived), ray.eq(ray_read.data), there.eq(held)]
             with m.If(best.best_read.found):
@@ -116,7 +120,9 @@ class LeafStage(wiring.Component):
         # Which of its triangles are tested, and when. Without any, the visit still passes through, as one without test.
         error = Signal(ERROR_BITS)
         wanted = Signal(2)
-        first_passed, second, last = Signal(), Signal(), Signal()
+        first_passed = Signal()
+        second = Signal()
+        last = Signal()
         turn = Signal(init=1)  # a test, or a visit without one, may go on
         if core.initiation_interval == 2:
             # Its phase is that of the cycle in which it gets what goes on in this one.

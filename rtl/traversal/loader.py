@@ -32,7 +32,8 @@ class Loader(wiring.Component):
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        asked, base = Signal(), Signal(self.base.shape(), reset_less=True)
+        asked = Signal()
+        base = Signal(self.base.shape(), reset_less=True)
         m.d.comb += [
             self.go.eq(asked & self.idle & ~self.busy),
             self.loading.eq(asked | self.busy),

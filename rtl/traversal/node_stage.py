@@ -64,9 +64,11 @@ class NodeStage(wiring.Component):
         m = Module()
         m.submodules.node_test = core = self._core
         m.submodules.rays = rays = Memory(shape=self.start.payload.ray.shape(), depth=self._contexts, init=[])
-        ray_write, ray_read = rays.write_port(), rays.read_port()
+        ray_write = rays.write_port()
+        ray_read = rays.read_port()
 
-        advance, take = Signal(), Signal()
+        advance = Signal()
+        take = Signal()
         m.d.comb += [
             advance.eq(~self.o.valid | self.o.ready),
             take.eq(self.i.valid & advance),

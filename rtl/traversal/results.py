@@ -73,7 +73,8 @@ class Results(wiring.Component):
         for name, side in zip(("node", "leaf"), self.failed, strict=True):
             layout = data.StructLayout({key: self._failure[key].shape for key in ("error", "block")})
             m.submodules[f"failed_{name}"] = memory = Memory(shape=layout, depth=self._contexts, init=[])
-            write, read = memory.write_port(), memory.read_port()
+            write = memory.write_port()
+            read = memory.read_port()
             m.d.comb += [
                 write.en.eq(side.valid),
                 write.addr.eq(side.payload.context),

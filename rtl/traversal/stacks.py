@@ -49,7 +49,8 @@ class Stacks(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         m = Module()
         m.submodules.entries = entries = Memory(shape=STACK_ENTRY, depth=self._contexts * self._stack, init=[])
-        write, read = entries.write_port(), entries.read_port()
+        write = entries.write_port()
+        read = entries.read_port()
 
         def place(context: Value, position: Value) -> Value:
             # Contexts are a power of two: position * contexts + context, without an adder.
@@ -58,8 +59,10 @@ class Stacks(wiring.Component):
         # One list is being written, the others wait in a queue; where that is empty, the next one goes past it.
         pushed = self.push.payload
         m.submodules.lists = lists = SyncFIFOBuffered(width=len(Value.cast(pushed)), depth=LISTS - 1)
-        item, writing = Signal(pushed.shape(), reset_less=True), Signal()
-        moves, past = Signal(), Signal()
+        item = Signal(pushed.shape(), reset_less=True)
+        writing = Signal()
+        moves = Signal()
+        past = Signal()
         last = Signal()  # the entry that is written is the list's last
         m.d.comb += [
             moves.eq(~writing | last),

@@ -11,7 +11,8 @@ from amaranth.lib.wiring import In, Out
 from gen.formal.all_inputs import Gates
 from gen.formal.bench import Bench
 from gen.formal.catalogue import PROPERTIES
-from gen.formal.mutations import MUTATIONS, ROOT
+from gen.formal.faults import FAULTS
+from gen.formal.mutations import ROOT
 from gen.formal.numbers import every_input
 from gen.formal.properties import Bounded, Induction, Outcome, Property
 from gen.formal.small_floats import SmallFormat
@@ -161,7 +162,7 @@ def test_a_wrong_result_is_told_with_its_operands() -> None:
 
 
 def test_faults_are_where_the_list_says() -> None:
-    for one in MUTATIONS.values():
+    for one in FAULTS.values():
         assert (ROOT / one.file).read_text(encoding="utf-8").count(one.old) == 1, one.name
         assert one.new != one.old
         assert one.checks, one.name

@@ -7,6 +7,7 @@ import pytest
 
 from gen.formal import mutations
 from gen.formal.catalogue import PROPERTIES
+from gen.formal.faults import FAULTS
 from golden_model.errors import InputError
 from lightloom.cli import run
 
@@ -57,7 +58,7 @@ def test_bad_input(arguments: list[str], said: str, capsys: pytest.CaptureFixtur
 
 
 def test_a_fault_is_caught_and_one_that_changes_nothing_is_not() -> None:
-    fault = mutations.MUTATIONS["compare-zeros"]
+    fault = FAULTS["compare-zeros"]
     harmless = mutations.Mutation(
         **{**fault.__dict__, "name": "harmless", "new": fault.old + " ", "checks": fault.checks[:1]}
     )
@@ -67,6 +68,6 @@ def test_a_fault_is_caught_and_one_that_changes_nothing_is_not() -> None:
 
 
 def test_a_fault_that_is_not_there_is_refused() -> None:
-    fault = mutations.MUTATIONS["compare-zeros"]
+    fault = FAULTS["compare-zeros"]
     with pytest.raises(InputError, match=r"0 times in rtl/operators/float_compare\.py; bring the list up to date"):
         mutations.run([mutations.Mutation(**{**fault.__dict__, "old": "nowhere"})], jobs=1)

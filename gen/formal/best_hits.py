@@ -1,0 +1,206 @@
+# amaranth: UnusedElaboratable=no
+# (a unit is also made only to ask for its latency)
+"""The best hits of a traversal unit: the best of all results so far, for all time; its distance, bounded."""
+
+from amaranth import Cat, Const, Module, Mux, Signal, Value
+from amaranth.lib import wiring
+
+from gen.formal.bench import Bench
+from gen.formal.properties import Bounded, Induction, Property
+from golden_model.formats import HIT, TIME_BITS
+from rtl.config import Config
+from rtl.layouts import layout_of
+from rtl.pipeline import Core
+from rtl.traversal.best_hits import BestHits
+
+SMALL = Config(contexts=2)
+
+
+class MixedCore(Core):
+    """Stands for the unit that computes distances: what matters is which t and which ray it is given."""
+
+    def __init__(self) -> None:
+        super().__init__("ray_time", 0)
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        m.d.comb += self.o.high.eq(mixed(self.i.t, self.i.rate, self.i.scale))
+        return m
+
+
+def mixed(t: Value, rate: Value, scale: Value) -> Value:
+    """Something that tells apart what its operands are."""
+    return (t ^ rate ^ (scale << 16))[:TIME_BITS]
+
+
+def is_number(t: Value) -> Value:
+    """Neither NaN nor infinity nor subnormal."""
+    return (t[23:31] != 0xFF) & ((t[23:31] != 0) | (t[:23] == 0))
+
+
+def in_order(t: Value) -> Value:
+    """A number as an integer that is ordered as it is; the zeros are equal."""
+    return Mux(t[31], -t[:31], t[:31])
+
+
+class Followed:
+    """One context, any one, whatever happens to the others, and what its surroundings keep to.
+
+    Attributes: the `bench` and the `component`; `who`; strobes of the context: `begins`, a ray does; `comes`, a result.
+    """
+
+    def __init__(self, config: Config):
+        self.component = component = BestHits(config)
+        component._ray_time = MixedCore()
+        self.bench = bench = Bench(component)
+        start, result = component.start, component.result
+        self.who = bench.constant("who", range(config.contexts))
+        self.begins = start.valid & (start.payload.context == self.who)
+        self.comes = result.valid & (result.payload.context == self.who)
+        # Results come where they were announced; their t is a number, and no unit makes a subnormal one.
+        self.coming, self.announced = (Signal(len(self.who), name=name, reset_less=True) for name in ("next", "now"))
+        bench.m.d.sync += [self.coming.eq(component.coming.context), self.announced.eq(self.coming)]
+        bench.assume(~result.valid | (result.payload.context == self.announced))
+        bench.assume(is_number(result.payload.data.t))
+        # A ray begins in an idle context, and its results come later.
+        bench.assume(~self.comes | ~(self.begins | bench.past(self.begins, "begins")))
+
+    def asked(self, port: wiring.PureInterface, name: str, *, when: Value) -> Value:
+        """The context's word was asked for in the cycle before this one."""
+        return self.bench.past((port.context == self.who) & when, f"{name}_asked")
+
+
+def nearest(config: Config) -> Bench:
+    """The best of the results, one after the other, at all read ports."""
+    followed = Followed(config)
+    bench, component, who, begins = followed.bench, followed.component, followed.who, followed.begins
+    m, result = bench.m, component.result.payload
+    found = Signal()
+    best = Signal(layout_of(HIT))
+    t = result.data.t
+    lower, equal = in_order(t) < in_order(best.t), in_order(t) == in_order(best.t)
+    lower_index = result.primitive.as_signed() < best.primitive.as_signed()
+    better = followed.comes & result.tested & result.data.hit & (~found | lower | (equal & lower_index))
+    with m.If(begins):
+        m.d.sync += found.eq(0)
+    with m.Elif(better):
+        m.d.sync += [found.eq(1), best.primitive.eq(result.primitive)]
+        m.d.sync += [best[name].eq(result.data[name]) for name in ("t", "u", "v", "front")]
+    shown = Signal(layout_of(HIT))
+    m.d.comb += shown.primitive.eq(-1)
+    with m.If(found):
+        m.d.comb += shown.eq(best)
+
+    # What is read is what was true in the cycle of the question.
+    hit_port, t_port = component.hit_read, component.best_read
+    hit_asked = followed.asked(hit_port, "hit", when=Const(1))
+    t_asked = followed.asked(t_port, "t", when=t_port.en)
+    bench.require("hit", ~hit_asked | (Value.cast(hit_port.hit) == bench.past(shown, "shown")))
+    bench.require("found", ~t_asked | (t_port.found == bench.past(found, "found")))
+    bench.require("t", ~t_asked | ~t_port.found | (t_port.t == bench.past(best.t, "t")))
+    bench.require("is_better", ~followed.comes | (bench.inner("better") == better))
+    bench.reach("better_than_a_hit", better & found)
+
+    # The induction's invariant: memories, and what is read ahead of the two results that come next.
+    bench.require("found_bit", bench.inner("found").bit_select(who, 1) == found)
+    for name, value in (("nearest", best.t), ("primitives", best.primitive), ("hits", best)):
+        held = bench.peek(name, who, f"{name}_of_who")
+        bench.require(f"{name}_memory", ~found | (held == Value.cast(value)))
+    bench.require("best_is_number", ~found | is_number(best.t))
+    bench.require("following", bench.inner("following") == followed.coming)
+    passing = bench.inner("passing")
+    bench.require("passing_is_found", (followed.coming != who) | ~passing | found)
+    compared = (followed.announced == who) & ~bench.past(begins, "begun")
+    bench.require("found_ahead", ~compared | (bench.inner("found_best") == found))
+    for name, memory, value in (("t", "nearest", best.t), ("primitive", "primitives", best.primitive)):
+        ahead = Mux(passing, bench.inner(f"{name}_passing"), bench.read_data(memory, 0))
+        bench.require(f"{name}_ahead", (followed.coming != who) | ~found | (ahead == value))
+        bench.require(f"{name}_compared", ~compared | ~found | (bench.inner(f"{name}_best") == value))
+    return bench
+
+
+def distance(config: Config) -> Bench:
+    """The distance of a ray, when it has started and what it visits is done; the end of each visit."""
+    followed = Followed(config)
+    bench, component, comes = followed.bench, followed.component, followed.comes
+    m, start, result = bench.m, component.start, component.result.payload
+    started, done = component.started, component.done
+    is_started = started.valid & (started.context == followed.who)
+    is_done = done.valid & (done.context == followed.who)
+
+    # The surroundings: the results of a visit come one after the other, if its ray has started; a ray begins when the
+    # one before it has nothing under way.
+    more = Signal()
+    before = Signal(result.shape())
+    with m.If(component.result.valid):
+        m.d.sync += [more.eq(~result.last), before.eq(result)]
+    same_visit = (result.context == before.context) & (result.any_hit == before.any_hit)
+    bench.assume(~component.result.valid | ~more | (result.last & same_visit))
+    starting = Signal(config.contexts)
+    running = Signal()
+    visits = Signal(4)
+    m.d.sync += [
+        starting.eq((starting | start.valid << start.payload.context) & ~(started.valid << started.context)),
+        running.eq((running | is_started) & ~followed.begins),
+        visits.eq(visits + (comes & result.last) - is_done),
+    ]
+    quiet = (visits == 0) & ~(more & (before.context == followed.who))
+    bench.assume(~start.valid | ~starting.bit_select(start.payload.context, 1))
+    bench.assume(~followed.begins | quiet)
+    bench.assume(~comes | running)
+
+    # The distance of the best t (`nearest` shows which results are better), with the constants of its ray.
+    t = Signal(32)
+    ray = Signal(start.payload.shape())
+    with m.If(followed.begins):
+        m.d.sync += [t.eq(start.payload.t_max), ray.eq(start.payload)]
+    with m.Elif(comes & bench.inner("better")):
+        m.d.sync += t.eq(result.data.t)
+    expected = bench.past(mixed(t, ray.rate, ray.scale), "distance")
+    for k, port in enumerate(component.time_read):
+        asked = followed.asked(port, f"time{k}", when=running & quiet)
+        bench.require(f"distance{k}", ~asked | (port.time == expected))
+    # A start waits for those before it, and for cycles without a better hit.
+    waited = Signal(range(component.start_latency + config.contexts + 2))
+    with m.If(followed.begins | ~starting.bit_select(followed.who, 1)):
+        m.d.sync += waited.eq(0)
+    with m.Elif(~bench.inner("better")):
+        m.d.sync += waited.eq(waited + 1)
+    bench.require("starts", waited < component.start_latency + config.contexts)
+    bench.require("started_once", ~is_started | starting.bit_select(followed.who, 1))
+
+    # The end of a visit comes a fixed time after its last result, and says what its results said.
+    any_hit = Signal()
+    first_hit = Signal()
+    m.d.comb += any_hit.eq(result.any_hit & result.tested & result.data.hit)
+    with m.If(component.result.valid):
+        m.d.sync += first_hit.eq(any_hit & ~result.last)
+    end: Value = Cat(component.result.valid & result.last, result.context, any_hit | first_hit, result.error)
+    for cycle in range(component.latency):
+        end = bench.past(end, f"end{cycle}")
+    told = Cat(done.valid, done.context, done.hit, done.error)
+    bench.require("visit_over", (told == end) | ~(done.valid | end[0]))
+    bench.reach("hit_is_told", is_done & done.hit)
+    return bench
+
+
+def properties() -> list[Property]:
+    return [
+        Property(
+            unit="best_hits",
+            name="nearest",
+            says="the best hit of a context is the best of all its results so far, at every read port",
+            method=Induction(depth=1),
+            build=lambda: nearest(SMALL),
+            reach=6,
+            quick=True,
+        ),
+        Property(
+            unit="best_hits",
+            name="distance",
+            says="the distance of the best hit, or of t_max, when visits are done; each visit's end told once",
+            method=Bounded(depth=13),
+            build=lambda: distance(SMALL),
+            reach=14,
+        ),
+    ]
