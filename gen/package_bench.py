@@ -7,7 +7,7 @@ import numpy as np
 
 from gen.package_files import render
 from golden_model import bitpack
-from golden_model.formats import BLOCK_BYTES, NODE_TEST, SECTION, TRIANGLE
+from golden_model.formats import BLOCK_BYTES, SECTION, TRIANGLE
 from golden_model.memory_image import pack_image
 from golden_model.ray_families import adversarial_rays
 from golden_model.units import UNITS
@@ -26,10 +26,8 @@ def stream_bench(unit: Mapping[str, Any], config: Config, operands: np.ndarray) 
     `unit` is its manifest, `operands` (N,) are of its input's dtype; a multiple of four of them is used.
     """
     name = unit["unit"]
-    operands = operands[: len(operands) // 4 * 4].copy()
-    if operands.dtype == NODE_TEST:  # a unit with fewer testers sees no more children
-        operands["count"] = np.minimum(operands["count"], config.width) if config.width < 8 else operands["count"]
-    results = UNITS[name].model(operands)
+    operands = operands[: len(operands) // 4 * 4]
+    results = UNITS[name].results(operands, config.width)
     bench = render(
         "package_testbench.v",
         **_shared(unit, operands, results),

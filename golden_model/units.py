@@ -32,6 +32,13 @@ class Unit:
     model: Callable[[np.ndarray], np.ndarray]
     """Operands (N,) of dtype `input` to results (N,) of dtype `output`."""
 
+    def results(self, operands: np.ndarray, width: int) -> np.ndarray:
+        """Those of `model`, from hardware with testers for `width` boxes: children in slots beyond do not count."""
+        if self.input == formats.NODE_TEST:
+            operands = operands.copy()
+            operands["count"] = np.minimum(operands["count"], width)
+        return self.model(operands)
+
 
 @dataclass(frozen=True, kw_only=True)
 class System:

@@ -31,8 +31,9 @@ def check(measured: Measured, source: Source, count: int, seed: int) -> Check:
     unit = UNITS[measured.unit]
     text = _text(measured, source)
     operands = many_vectors(unit.name, count, seed)
-    results = BulkUnit(unit.name, PRESETS[measured.preset], verilog=text).run(operands, stall_seed=seed + 1)
-    return compare(operands, results, unit.model(operands))
+    config = PRESETS[measured.preset]
+    results = BulkUnit(unit.name, config, verilog=text).run(operands, stall_seed=seed + 1)
+    return compare(operands, results, unit.results(operands, config.width))
 
 
 def compare(operands: np.ndarray, results: np.ndarray, expected: np.ndarray) -> Check:

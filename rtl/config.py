@@ -71,6 +71,7 @@ PRESETS: dict[str, Config] = {
         sqrt_depth=9,
         compare_depth=1,
         convert_depth=2,
+        width=4,
         node_test_depth=10,
         triangle_interval=2,
         contexts=16,
@@ -108,7 +109,7 @@ PRESETS: dict[str, Config] = {
 }
 
 PRESET_SUMMARIES: dict[str, str] = {
-    "tiny": "small caches, few rays in flight, half the triangle tests; its pipelines are those for an FPGA",
+    "tiny": "four boxes a node, small caches, few rays in flight, half the triangle tests; its pipelines are for an FPGA",
     "base": "the default",
     "full": "the deepest pipelines: highest clock",
 }

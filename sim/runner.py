@@ -180,6 +180,7 @@ def run_bench(
         "operands": str(folder / "operands.npy"),
         "seed": seed,
         "tag_width": config.tag_width,
+        "width": config.width,
         **{key: described[key] for key in ("latency", "initiation_interval")},
     }
     return run_cocotb(

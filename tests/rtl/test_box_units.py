@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from amaranth.hdl import UnusedElaboratable
 
-from golden_model import node_test as model
 from golden_model.bitpack import equal, pack, unpack
-from golden_model.formats import NODE_HITS, WIDTH
+from golden_model.formats import WIDTH
 from golden_model.units import UNITS
 from rtl.box_axis import STEPS
 from rtl.box_setup import add_depth, multiply_depth
@@ -30,7 +29,6 @@ VECTORS: dict[str, Callable[[int, int], np.ndarray]] = {
     "box_setup": box_setup_vectors,
     "node_test": node_test_vectors,
 }
-NARROW = dataclasses.replace(PRESETS["tiny"], width=4)
 
 
 @pytest.mark.parametrize("preset", ["tiny", "base"])
@@ -68,17 +66,8 @@ def test_the_vectors_reach_every_case() -> None:
 @pytest.mark.parametrize("unit", VECTORS)
 def test_results_survive_stalls(unit: str) -> None:
     operands = VECTORS[unit](20_000, SEED)
-    assert equal(bulk_unit(unit, "tiny").run(operands, stall_seed=SEED), UNITS[unit].model(operands)).all()
-
-
-def test_four_testers_do_for_nodes_of_four_children() -> None:
-    """What the upper slots hold does not matter then, and what comes out for them is zero."""
-    operands = node_test_vectors(100_000, SEED)
-    small = operands.copy()
-    small["count"] = np.minimum(small["count"], 4)
-    expected, got = model.node_test(small), BulkUnit("node_test", NARROW).run(operands)
-    assert got.dtype == NODE_HITS
-    assert equal(got, expected).all(), f"node_test_vectors(100_000, {SEED})"
+    expected = UNITS[unit].results(operands, PRESETS["tiny"].width)
+    assert equal(bulk_unit(unit, "tiny").run(operands, stall_seed=SEED), expected).all()
 
 
 @pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS.keys())
@@ -94,11 +83,10 @@ def test_latencies(config: Config) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("depth", range(STEPS + 1))
 def test_every_depth(depth: int) -> None:
-    config = dataclasses.replace(NARROW, node_test_depth=depth)
+    config = dataclasses.replace(PRESETS["tiny"], node_test_depth=depth)
     operands = node_test_vectors(20_000, SEED)
-    operands["count"] = np.minimum(operands["count"], 4)
-    unit = BulkUnit("node_test", config)
-    assert equal(unit.run(operands), model.node_test(operands)).all(), f"node_test_vectors(20_000, {SEED})"
+    unit, expected = BulkUnit("node_test", config), UNITS["node_test"].results(operands, config.width)
+    assert equal(unit.run(operands), expected).all(), f"node_test_vectors(20_000, {SEED})"
     assert unit.latency == depth
 
 

@@ -27,6 +27,7 @@ RAYS = 1500
 CONFIG = replace(
     PRESETS["tiny"],
     tag_width=6,
+    width=8,
     contexts=4,
     node_sets=4,
     node_ways=2,

@@ -44,6 +44,7 @@ SEED = 1987
 SMALL = replace(
     PRESETS["tiny"],
     tag_width=6,
+    width=8,
     contexts=8,
     stack=6,
     overlap=4,
