@@ -109,7 +109,7 @@ PRESETS: dict[str, Config] = {
 }
 
 PRESET_SUMMARIES: dict[str, str] = {
-    "tiny": "four boxes a node, small caches, few rays in flight, half the triangle tests; its pipelines are for an FPGA",
+    "tiny": "four boxes a node, small caches, few rays, half the triangle tests; its pipelines are for an FPGA",
     "base": "the default",
     "full": "the deepest pipelines: highest clock",
 }
