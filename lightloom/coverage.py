@@ -144,15 +144,17 @@ def faults(report: dict[str, Any]) -> list[str]:
 def _possible(unit: str, bins: Groups) -> Groups:
     """The streams' bins but for those that a pipeline without a queue does not have.
 
-    It stops as a whole. One that takes an operation a cycle holds its input exactly while its output is held; one that
-    takes an operation every other cycle moves neither side in two cycles in a row.
+    It stops as a whole. One that takes an operation a cycle holds its input exactly while its output is held. One that
+    takes an operation every other cycle moves neither side in two cycles in a row; and where its latency is even, a
+    result is there in the cycles in which an operation is taken, where it is odd, in the others.
     """
     never: dict[str, tuple[str, ...]]
-    if CATALOGUE[unit](PRESETS[PRESET]).initiation_interval == 1:
+    described = CATALOGUE[unit](PRESETS[PRESET])
+    if described.initiation_interval == 1:
         never = {"input and output": ("held, idle", "held, moves", "moves, held")}
     else:
         never = {
-            "input and output": ("moves, moves", "moves, held"),
+            "input and output": ("moves, held", "moves, moves" if described.latency % 2 else "held, moves"),
             "input": ("moves, then moves",),
             "output": ("moves, then moves", "moves, then held"),
         }

@@ -436,6 +436,27 @@ async def one_side_closed(dut: Any, closed: str) -> None:
     bench.note(rays.queries, results)
 
 
+@cocotb.test()
+async def all_wait_for_the_root(dut: Any) -> None:
+    """All contexts visit the root at once and enter all boxes: stacks hold up the node stage, and that its cache."""
+    bench = Bench(dut)
+    await bench.start()
+    tree = bench.tree("soup")
+    await bench.load(tree.blocks)
+    some = bench.traced(tree.blocks, rays_of("soup", 8 * bench.contexts, bench.seed))
+    rays = some.only(np.full(bench.contexts, np.argmax(some.counts["node_tests"])))
+    await bench.clear_counters()
+    bench.memory.manner = Manner(stall=1.0)
+    offered = bench.packed(rays)
+    always = pattern("always", bench.rng)
+    await bench.streams.exchange(offered, give=always, take=always, until=lambda cycle: cycle == 200)
+    bench.memory.manner = MEMORIES["near"]
+    after = await bench.exchange([], take="always", expected=len(rays))
+    bench.assert_same(bench.answers(after.received, 0, len(rays)), rays, "root")
+    stalled = bench.counters(["node_stalled"])["node_stalled"]
+    assert stalled > 5, f"seed {bench.seed}: the node stage was held up for {stalled} cycles"
+
+
 # --- trees that are wrong ---------------------------------------------------------------------------------------------
 
 
