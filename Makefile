@@ -56,7 +56,7 @@ prove: $(READY) ## all proofs of the RTL, then seeded faults and what notices th
 	$(BIN)/lightloom prove --jobs $(WORKERS)
 	$(BIN)/lightloom prove --mutations --jobs $(WORKERS)
 
-coverage: setup ## what the benches reach of the Verilog: branches, edges, bins (half an hour); build/coverage/
+coverage: setup ## what the benches reach of the Verilog: branches, edges, bins (ten minutes); build/coverage/
 	$(BIN)/lightloom coverage
 
 bench: setup ## measure: vectors a second, rays a second, emission time
