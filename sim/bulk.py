@@ -27,14 +27,17 @@ class BulkError(AssertionError):
 class BulkUnit:
     """A Verilated unit that takes operand arrays.
 
-    Parameters: `unit`, a name of `golden_model.units.UNITS`; `config`, the hardware parameters. Builds the simulator,
-    or finds it in the cache. Raises InputError for an unknown unit or a missing tool.
+    Parameters: `unit`, a name of `golden_model.units.UNITS`; `config`, the hardware parameters; `verilog`, a text other
+    than the emitted one; `netlist`, it is gates, of which a compiler has too many to optimise for a run of thousands.
+    Builds the simulator, or finds it in the cache. Raises InputError for an unknown unit or a missing tool.
 
     Attributes after `run`: `throughput` (vectors/s of the simulation, on one core, without packing), `cycles` (clock
     cycles of the last run), `latency` (cycles from the first operand to its result; exact where nothing stalled).
     """
 
-    def __init__(self, unit: str, config: Config = PRESETS["base"], *, verilog: str | None = None):
+    def __init__(
+        self, unit: str, config: Config = PRESETS["base"], *, verilog: str | None = None, netlist: bool = False
+    ):
         if unit not in UNITS:
             raise InputError(f"{unit}: no such unit; known are {', '.join(sorted(UNITS))}")
         self.unit = UNITS[unit]
@@ -42,8 +45,9 @@ class BulkUnit:
         self.verilog = emitted(unit, config) if verilog is None else verilog
         """The text that is simulated; tests pass a deliberately broken one."""
         self._binaries: dict[bool, Path] = {}
-        # A unit that does not take an operation every cycle stalls its input by itself.
-        self._stalling = manifest(unit, config)["initiation_interval"] > 1
+        # A unit that does not take an operation every cycle stalls its input by itself; a netlist is built once.
+        self._stalling = netlist or manifest(unit, config)["initiation_interval"] > 1
+        self._netlist = netlist
         self._binary(stalls=self._stalling)
         self.throughput = 0.0
         self.cycles = 0
@@ -103,4 +107,6 @@ class BulkUnit:
             f"TAG_BITS={self.config.tag_width}",
             *(["STALLS"] if stalls else []),
         ]
-        return verilated.build(self.unit.name, self.verilog, top=TOP, harness=HARNESS, defines=defines)
+        return verilated.build(
+            self.unit.name, self.verilog, top=TOP, harness=HARNESS, defines=defines, optimised=not self._netlist
+        )

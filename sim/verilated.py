@@ -28,20 +28,28 @@ COMPILE += [f"--param=max-rtl-if-conversion-{kind}-cost=200" for kind in ("predi
 
 
 def build(
-    name: str, verilog: str, *, top: Path, others: Sequence[Path] = (), harness: Path, defines: Sequence[str]
+    name: str,
+    verilog: str,
+    *,
+    top: Path,
+    others: Sequence[Path] = (),
+    harness: Path,
+    defines: Sequence[str],
+    optimised: bool = True,
 ) -> Path:
     """The simulator's binary, from the cache where it holds one.
 
     `name` is part of the file's name; `verilog` the text under test, `top` the file of the module around it, which has
     the file's name and may use the modules in `others`. `harness` is C++ that includes "V<top>.h". `defines`, such as
-    "TAG_BITS=8", hold for the Verilog and the C++.
+    "TAG_BITS=8", hold for the Verilog and the C++. Not `optimised`, it is compiled in a fraction of the time.
     """
     verilator, compiler = toolchain.verilator(), toolchain.compiler()
     options = ["--cc", "--prefix", f"V{top.stem}", "--top-module", top.stem, *VERILATE]
     macros = [f"-D{define}" for define in defines]
+    compile_ = COMPILE if optimised else [*COMPILE, "-O0"]
     sharing = _sharing(verilog)
     texts = [path.read_text() for path in (top, *others, harness, HEADER)]
-    recipe = [verilog, sharing, *texts, *options, *COMPILE, *macros]
+    recipe = [verilog, sharing, *texts, *options, *compile_, *macros]
     recipe += [verilator.version, toolchain.compiler_version()]
     key = hashlib.sha256("\0".join(recipe).encode()).hexdigest()[:16]
     binary = toolchain.cache_folder() / top.stem / f"{name}-{key}"
@@ -59,7 +67,7 @@ def build(
             sources = [*sorted(Path(scratch).glob("*.cpp")), harness]
             together = Path(scratch) / "together.cc"
             together.write_text("".join(f'#include "{path}"\n' for path in sources))
-            command = [compiler, *COMPILE, *macros, *verilator.include_options, "-I", scratch]
+            command = [compiler, *compile_, *macros, *verilator.include_options, "-I", scratch]
             runtime = str(toolchain.verilated_runtime())
             toolchain.run([*command, str(together), runtime, "-pthread", "-o", str(part)])
     return binary
