@@ -11,7 +11,7 @@ from sim.runner import BenchError
 from sim.traversal_bench import SMALL, TAGS, run_traversal_bench
 from tests.simulators import SIMULATORS, needs_icarus
 
-TESTS = 26
+TESTS = 27
 BASE = replace(PRESETS["base"], tag_width=TAGS)
 
 
