@@ -28,7 +28,8 @@ LAYERS = 5
 MOST_CELLS = 2500
 """qrouter was seen to route 1,700 of these cells and to fail on 4,000."""
 
-# Area first; a buffer where a net has more than sixteen readers.
+# Area first; a buffer where a net has more than sixteen readers. The area's file must not be named TOP.stat: graywolf
+# keeps its own state in a file of that name, and crashes on another's unless the netlist is a second newer.
 SYNTHESIS = """
 read_verilog {top}.v
 hierarchy -top {top}
@@ -40,7 +41,7 @@ hilomap -hicell sg13g2_tiehi L_HI -locell sg13g2_tielo L_LO
 opt_clean -purge
 splitnets -ports
 rename -hide
-tee -q -o {top}.stat stat -liberty cells.lib
+tee -q -o area.txt stat -liberty cells.lib
 write_verilog -noattr {top}_mapped.v
 write_blif -gates -buf sg13g2_buf_1 A X {top}.blif
 """
@@ -171,7 +172,7 @@ def place_and_route(
     cells = (folder / f"{top}.blif").read_text().count("\n.gate ")
     if cells > MOST_CELLS:
         raise InputError(f"{top}: has {cells} cells; qrouter is good for about {MOST_CELLS}: choose a smaller unit")
-    area = re.search(r"Chip area for module .*: ([\d.]+)", (folder / f"{top}.stat").read_text())
+    area = re.search(r"Chip area for module .*: ([\d.]+)", (folder / "area.txt").read_text())
     assert area, "Yosys tells the area"
 
     progress("placement")
