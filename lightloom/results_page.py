@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rtl.catalogue import CATALOGUE
+from rtl.config import PRESETS
 
 Row = dict[str, Any]
 Report = dict[str, Any]
@@ -148,13 +149,13 @@ def gates(reports: Sequence[Report]) -> Iterator[str]:
     yield _made_by(reports)
     yield GATES_TEXT
     yield _rows(rows, GATES) + "\n"
-    what = {"node_test": "eight boxes", "ray_triangle": "one triangle", "ray_triangle_half": "half a triangle"}
+    what = {"node_test": "{} boxes", "ray_triangle": "one triangle", "ray_triangle_half": "half a triangle"}
     ours = [
         (
             f"{row['unit']}, {row['preset']}",
             row["logic_gates"] / 1000,
             row["gates"] / 1000,
-            f"{what[row['unit']]} a cycle",
+            what[row["unit"]].format(PRESETS[row["preset"]].width) + " a cycle",
         )
         for row in rows
         if row["unit"] in what
