@@ -227,16 +227,15 @@ def _caught(rows: Sequence[Row]) -> str:
 
 
 def _covered(rows: Sequence[Row]) -> str:
-    taken, branches, explained, seen, edges, filled, bins = (
-        sum(row[name] for row in rows)
-        for name in (
-            *("branches_taken", "branches", "branches_explained"),
-            *("toggles_seen", "toggles", "bins_filled", "bins"),
-        )
-    )
+    def total(name: str) -> int:
+        return sum(row[name] for row in rows)
+
+    taken, branches = total("branches_taken"), total("branches")
     return (
-        f"**{taken:,} of {branches:,} branches taken** ({taken / branches:.1%}); {explained} cannot be, for reasons "
-        f"in `sim/coverage_exclusions.toml`. {seen:,} of {edges:,} edges seen; {filled:,} of {bins:,} bins filled."
+        f"**{taken:,} of {branches:,} branches taken** ({taken / branches:.1%}); "
+        f"{total('branches_explained')} cannot be, for reasons in `sim/coverage_exclusions.toml`. "
+        f"{total('toggles_seen'):,} of {total('toggles'):,} edges seen; "
+        f"{total('bins_filled'):,} of {total('bins'):,} bins filled."
     )
 
 

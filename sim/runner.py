@@ -108,7 +108,8 @@ def run_cocotb(
     waves: bool = False,
     coverage: bool = False,
 ) -> int:
-    """Runs the cocotb tests of the Python module `module` on the Verilog module `top`; returns how many tests passed.
+    """Runs the cocotb tests of the Python module `module`, or several with commas between, on the Verilog module
+    `top`; returns how many tests passed.
 
     `sources` are file names (of any kind, but different) with their Verilog text, `simulator` is "verilator" or
     "icarus", `parameters` are those of `top`. The bench may touch `public_ports` of `top` and nothing else (Verilator

@@ -10,7 +10,7 @@ from sim.emitted import emitted
 from sim.runner import run_cocotb
 from sim.traversal import port_widths
 
-MODULES = "verif.test_traversal", "verif.test_traversal_wrong"
+MODULES = "verif.test_traversal,verif.test_traversal_wrong"
 SEED = 2718
 TAGS = 14
 """Bits of a tag: every ray of a test has its own."""
@@ -59,7 +59,7 @@ def run_traversal_bench(
         "traversal",
         {"traversal.v": text},
         simulator,
-        module=",".join(MODULES),
+        module=MODULES,
         public_ports=list(port_widths(text, "traversal")),
         extra_env={"LIGHTLOOM_BENCH": json.dumps(description), **({"COCOTB_TEST_FILTER": only} if only else {})},
         seed=SEED,

@@ -15,7 +15,6 @@ from verif.traversal_bench import BASES, RENDERED, Bench, rays_of
 
 # --- trees that are wrong ---------------------------------------------------------------------------------------------
 
-
 DAMAGES: dict[str, tuple[str, Callable[[WideBvh, int], Iterator[tuple[np.ndarray, int]]]]] = {
     "just outside": (
         "outside",
