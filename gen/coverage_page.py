@@ -11,18 +11,22 @@ from gen.pages import environment
 def coverage_page(report: Mapping[str, Any]) -> str:
     """The page for a report (as in coverage.json)."""
     rows = report["rows"]
-    total = {name: sum(row[name] for row in rows) for name in rows[0] if isinstance(rows[0][name], int | float)}
     pages = environment()
     pages.filters.update(percent=percent)
     return pages.get_template("coverage.html").render(
         report=report,
         rows=rows,
-        total=total,
+        total=totals(rows),
         empty=sum(not row["count"] for row in report["bins"]),
         unexplained=[row for row in report["untaken"] if row["reason"] is None],
         explained=by_reason(report["untaken"]),
         units=[(unit, list(_grouped(bins, "group"))) for unit, bins in _grouped(report["bins"], "unit")],
     )
+
+
+def totals(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The sum over the units of every figure."""
+    return {name: sum(row[name] for row in rows) for name in rows[0] if isinstance(rows[0][name], int | float)}
 
 
 def by_reason(untaken: Sequence[Mapping[str, Any]]) -> list[tuple[str, list[Mapping[str, Any]]]]:

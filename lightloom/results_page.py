@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from gen.coverage_page import percent, totals
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
 
@@ -227,16 +228,13 @@ def _caught(rows: Sequence[Row]) -> str:
 
 
 def _covered(rows: Sequence[Row]) -> str:
-    def total(name: str) -> int:
-        return sum(row[name] for row in rows)
-
-    taken, branches = total("branches_taken"), total("branches")
+    total = totals(rows)
+    share = percent(total["branches_taken"], total["branches"])
     return (
-        f"**{taken:,} of {branches:,} branches taken** ({taken / branches:.1%}); "
-        f"{total('branches_explained')} cannot be, for reasons in `sim/coverage_exclusions.toml`. "
-        f"{total('toggles_seen'):,} of {total('toggles'):,} edges seen; "
-        f"{total('bins_filled'):,} of {total('bins'):,} bins filled."
-    )
+        "**{branches_taken:,} of {branches:,} branches taken** ({share}); {branches_explained} cannot be, for reasons "
+        "in `sim/coverage_exclusions.toml`. {toggles_seen:,} of {toggles:,} edges seen; {bins_filled:,} of {bins:,} "
+        "bins filled."
+    ).format(share=share, **total)
 
 
 def ecp5(reports: Sequence[Report]) -> Iterator[str]:
