@@ -39,7 +39,8 @@ FPGA = {
 FPGA |= {"wrapper_flip_flops": "the wrapper's", "multipliers": "multipliers", "block_rams": "block RAMs"}
 FPGA |= {"fits": "fits", "fmax_mhz": "MHz"}
 CYCLES = {"scene": "scene", "width": "width", "contexts": "contexts", "latency": "latency", "rays": "rays"}
-CYCLES |= {"cycles_per_ray": "cycles a ray", "node_tests": "node tests", "triangle_tests": "triangle tests"}
+CYCLES |= {"cycles_per_ray": "cycles a ray", "node_tests": "node tests"}
+CYCLES |= {"golden_node_tests": "golden", "triangle_tests": "triangle tests", "golden_triangle_tests": "golden ones"}
 CYCLES |= {"ratio": "ratio", "mismatches": "mismatches"}
 
 PREAMBLE = """\
@@ -83,8 +84,9 @@ PUBLISHED_RAYS: list[tuple[str, str, str]] = [
 
 RAYS_TEXT = """\
 Diffuse rays in random order, nearest hit, on one unit of preset `base`: a node test of up to eight boxes and a triangle
-test a cycle. **latency** is that of the memory in cycles; **ratio**, cycles over those that the busier of the two tests
-needs at least. Every ray is compared with the golden model in all bits. More, and what is counted, in
+test a cycle. **latency** is that of the memory in cycles; beside the unit's tests stand the
+golden model's, which visits strictly nearest first; **ratio**, cycles over those that the busier of the two tests needs
+for the golden ones. Every ray is compared with the golden model in all bits. More, and what is counted, in
 [traversal_figures.md](traversal_figures.md).
 """
 

@@ -41,6 +41,7 @@ def entries(config: Config) -> Bench:
         expected.address.eq(item.base + Mux(item.again, 0, item.slot[index])),
         expected.leaf.eq(~item.again & item.leaf.bit_select(item.slot[index], 1)),
         expected.rank.eq(Mux(item.again, item.first, 0)),
+        expected.near_below.eq(Mux(index == item.last, item.near_below, item.near.bit_select(index + 1, 1))),
     ]
     with m.If(enters & (item.height <= place) & (place <= top)):
         m.d.sync += [known.eq(1), stored.eq(expected)]

@@ -5,12 +5,12 @@ node sends the ray on to its nearest child and puts the rest on its stack; a ray
 have takes another from its stack.
 """
 
-from amaranth import Const, Module, Mux, Signal, Value, signed
+from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.fifo import SyncFIFO
 from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import TRACE_ERRORS
+from golden_model.formats import TIME_BITS, TRACE_ERRORS, WIDTH
 from rtl.config import Config
 from rtl.one_hot import lowest, next_of, number_of
 from rtl.queues import Buffer
@@ -18,6 +18,7 @@ from rtl.traversal.best_hits import ERROR_BITS, Ports, context_bits
 from rtl.traversal.masks import Counts, minus, one_hot, plus, replace
 from rtl.traversal.records import (
     ADDRESS_BITS,
+    RANK_BITS,
     failure,
     height_bits,
     leaf_visit,
@@ -27,8 +28,16 @@ from rtl.traversal.records import (
 )
 from rtl.traversal.stacks import LISTS, Stacks
 
-POPS = 4
-"""Visits on their way from the stacks to a request."""
+POPS = 6
+"""Visits on their way from the stacks to a request: three in registers, the others wait for their turn."""
+FEW = 2
+"""Visits of nodes that may wait for their turn while others are chosen that may turn out to be needless."""
+WINDOW = 8
+"""Cycles for which a cycle without a node to test is remembered."""
+SURE = 2
+"""Visits of a ray under way up to which the next one may be any; beyond, only one that is near."""
+NEAR_BITS = TIME_BITS - 8
+"""Two distances are near each other if their highest 8 bits, those above these, are the same."""
 
 
 class Control(wiring.Component):
@@ -46,6 +55,8 @@ class Control(wiring.Component):
     - `finished`: stream of rays that are done; `failed`, and `by_leaf`: which side's strobe says why.
     - `release`: strobe, the context is free again.
     - `root`, `levels` of the tree; `overlap`: greatest number of visits of a ray under way (0 stands for 1).
+    - `backlog`: requests wait in front of a cache. `starved`: in this cycle the node test has none to test. They say
+      whether a ray may have several visits under way (`calm` below); its results do not depend on them.
     - `idle`: no ray is in a context.
     - `visit`, `revisit`: a node was visited, with a rank above 0. What is wrong with a block makes it no visit.
     """
@@ -73,6 +84,8 @@ class Control(wiring.Component):
                 "root": In(ADDRESS_BITS),
                 "levels": In(8),
                 "overlap": In(config.overlap.bit_length()),
+                "backlog": In(1),
+                "starved": In(1),
                 "idle": Out(1),
                 "visit": Out(1),
                 "revisit": Out(1),
@@ -93,6 +106,7 @@ class Control(wiring.Component):
         by_leaf = Signal(contexts)
         restart = Signal(contexts)  # as ended, but then it begins again, strictly
         strict = Signal(contexts)  # one visit at a time
+        near = Signal(contexts)  # the top of the stack is near the visit that was made instead of it
         outstanding = Counts("outstanding", contexts, config.overlap)
         height = Counts("height", contexts, config.stack)
         pending = Counts("pending", contexts, LISTS)  # lists on their way to the stack
@@ -163,6 +177,9 @@ class Control(wiring.Component):
             forward_node.eq(node_take & forward & ~node.leaf.bit_select(slot, 1)),
             forward_address.eq(node.base + slot),
         ]
+        nearness = Signal(WIDTH)
+        cells = [node.hits.entry[k][NEAR_BITS:] for k in range(WIDTH)]
+        m.d.comb += nearness.eq(Cat(cell == node.hits.entry[node.rank][NEAR_BITS:] for cell in cells))
         item: data.View = stacks.push.payload
         m.d.comb += [
             stacks.push.valid.eq(node_take & push),
@@ -175,6 +192,8 @@ class Control(wiring.Component):
             item.leaf.eq(node.leaf),
             item.slot.eq(node.hits.slot),
             item.entry.eq(node.hits.entry),
+            item.near.eq(nearness),
+            item.near_below.eq((node_context & near).any()),
         ]
         node_push = mask("node_push", only_if(node_take & push, node_context))
         node_end = mask("node_end", only_if(node_take & ~forward, node_context))
@@ -207,13 +226,17 @@ class Control(wiring.Component):
             mask(name, counts.some())
             for name, counts in (("some_height", height), ("some_outstanding", outstanding), ("some_pending", pending))
         )
-        room = ~some_outstanding | (~strict & outstanding.below(overlap))
+        # What a ray visits before its nearer visits are over may turn out to be needless: it is chosen only while a
+        # test would have nothing to do otherwise, and beyond SURE only if it is likely to be needed all the same.
+        calm = Signal()
+        likely = near | outstanding.below(Const(SURE))
+        room = ~some_outstanding | only_if(calm, ~strict & outstanding.below(overlap) & likely)
         # A stack that a list is being written to, or that the result of a node may change in this cycle, has to wait.
         waiting = mask("waiting", active & ~dead & (fresh | (some_height & room & ~some_pending & ~node_context)))
         under_way = Signal(range(POPS + 1))
         choose = Signal()
-        popped = Signal()
-        m.d.comb += choose.eq((under_way != POPS) & waiting.any())
+        popped = Signal(2)
+        m.d.comb += choose.eq((under_way < POPS) & waiting.any())
         m.d.sync += under_way.eq(under_way + choose - popped)
         chosen = next_of(m, "pop", waiting, choose)
         pop = mask("pop", only_if(choose, chosen))
@@ -239,43 +262,58 @@ class Control(wiring.Component):
             stacks.read.position.eq(asked.position),
             self.time_read.context.eq(asked.context),
         ]
-        waits_layout = data.StructLayout({**node_visit(config).members, "leaf": 1, "beyond": 1})
-        m.submodules.pops = pops = SyncFIFO(width=waits_layout.size, depth=POPS)
-        arriving = Signal(waits_layout)
-        visit = Signal(waits_layout)
-        m.d.comb += [
-            arriving.context.eq(read.context),
-            pops.w_data.eq(Value.cast(arriving)),
-            pops.w_en.eq(read_valid),
-            pops.r_en.eq(popped),
-            Value.cast(visit).eq(pops.r_data),
-        ]
-        with m.If(read.fresh):
-            m.d.comb += arriving.address.eq(self.root)
-        with m.Else():
-            entry: data.View = stacks.read.entry
-            m.d.comb += [arriving[name].eq(entry[name]) for name in ("address", "rank", "leaf")]
-            m.d.comb += arriving.beyond.eq(entry.entry > self.time_read.time)
-        visit_context = mask("visit_context", only_if(pops.r_rdy, one_hot(visit.context, contexts)))
+        entry: data.View = stacks.read.entry
+        read_context = mask("read_context", only_if(read_valid, one_hot(read.context, contexts)))
         drop = Signal()
+        leads_to_leaf = Signal()
+        beyond = Signal()
+        m.d.comb += [
+            leads_to_leaf.eq(~read.fresh & entry.leaf),
+            beyond.eq(~read.fresh & (entry.entry > self.time_read.time)),
+            drop.eq(read_valid & (beyond | (read_context & dead).any())),
+        ]
+        # A leaf does not wait behind a node, nor a node behind a leaf: that would cost the other's test a cycle.
+        node_waits = Signal(node_visit(config))
+        leaf_waits = Signal(leaf_visit(config))
         pop_node = Signal()
         pop_leaf = Signal()
+        m.submodules.node_pops = node_pops = SyncFIFO(width=len(Value.cast(node_waits)), depth=POPS)
+        m.submodules.leaf_pops = leaf_pops = SyncFIFO(width=len(Value.cast(leaf_waits)), depth=POPS)
+        arriving = Signal(node_visit(config))
         m.d.comb += [
-            drop.eq(pops.r_rdy & (visit.beyond | (visit_context & dead).any())),
-            pop_node.eq(pops.r_rdy & ~drop & ~visit.leaf),
-            pop_leaf.eq(pops.r_rdy & ~drop & visit.leaf),
-            popped.eq(drop | (pop_node & ~forward_node) | (pop_leaf & ~forward_leaf)),
+            arriving.context.eq(read.context),
+            arriving.address.eq(Mux(read.fresh, self.root, entry.address)),
+            arriving.rank.eq(Mux(read.fresh, 0, entry.rank)),
+            node_pops.w_data.eq(Value.cast(arriving)),
+            node_pops.w_en.eq(read_valid & ~drop & ~leads_to_leaf),
+            node_pops.r_en.eq(~forward_node),
+            Value.cast(node_waits).eq(node_pops.r_data),
+            pop_node.eq(node_pops.r_rdy),
+            leaf_pops.w_data.eq(Cat(arriving.context, arriving.address)),
+            leaf_pops.w_en.eq(read_valid & ~drop & leads_to_leaf),
+            leaf_pops.r_en.eq(~forward_leaf),
+            Value.cast(leaf_waits).eq(leaf_pops.r_data),
+            pop_leaf.eq(leaf_pops.r_rdy),
+            popped.eq(drop + (pop_node & ~forward_node) + (pop_leaf & ~forward_leaf)),
         ]
+
+        # --- whether visits may be chosen that may turn out to be needless ------------------------------------------
+        recent = Signal(range(WINDOW + 1))
+        with m.If(self.starved):
+            m.d.sync += recent.eq(WINDOW)
+        with m.Elif(recent != 0):
+            m.d.sync += recent.eq(recent - 1)
+        m.d.sync += calm.eq(~self.backlog & ((node_pops.level < FEW) | (recent != 0)))
 
         # --- requests: first those of nodes, which must never wait --------------------------------------------------
         m.d.comb += [
             self.node_request.valid.eq(forward_node | pop_node),
-            self.node_request.payload.context.eq(Mux(forward_node, node.context, visit.context)),
-            self.node_request.payload.address.eq(Mux(forward_node, forward_address, visit.address)),
-            self.node_request.payload.rank.eq(Mux(forward_node, 0, visit.rank)),
+            self.node_request.payload.context.eq(Mux(forward_node, node.context, node_waits.context)),
+            self.node_request.payload.address.eq(Mux(forward_node, forward_address, node_waits.address)),
+            self.node_request.payload.rank.eq(Mux(forward_node, 0, node_waits.rank)),
             self.leaf_request.valid.eq(forward_leaf | pop_leaf),
-            self.leaf_request.payload.context.eq(Mux(forward_leaf, node.context, visit.context)),
-            self.leaf_request.payload.address.eq(Mux(forward_leaf, forward_address, visit.address)),
+            self.leaf_request.payload.context.eq(Mux(forward_leaf, node.context, leaf_waits.context)),
+            self.leaf_request.payload.address.eq(Mux(forward_leaf, forward_address, leaf_waits.address)),
         ]
 
         # --- a ray takes a context, and gives it back ---------------------------------------------------------------
@@ -322,6 +360,8 @@ class Control(wiring.Component):
         emptied = node_fail | node_restart | leaf_ends
         first = only_if(~self.start.payload.skip, start)
         alone = only_if(self.overlap <= 1, start)
+        read_near = Mux(read.fresh, 0, entry.near_below)
+        pushed_near = only_if(nearness.bit_select((node.rank + 1)[:RANK_BITS], 1), node_push)
         m.d.sync += [
             taken.eq((taken | start) & ~released),
             active.eq((active | started) & ~finish),
@@ -331,10 +371,11 @@ class Control(wiring.Component):
             by_leaf.eq((by_leaf & ~start) | (only_if(leaf.error != 0, leaf_ends) & ~node_fail)),
             restart.eq((restart | node_restart) & ~begins & ~leaf_ends),
             strict.eq((strict & ~start) | alone | begins),
+            near.eq((near & ~read_context & ~node_push) | only_if(read_near, read_context & ~node_push) | pushed_near),
         ]
         # The end of a visit counts a cycle late, when all else that follows from it has happened.
         visits = list[Value](outstanding.planes)
-        for name, over in (("dropped", only_if(drop, visit_context)), ("node", node_end), ("leaf", leaf_context)):
+        for name, over in (("dropped", only_if(drop, read_context)), ("node", node_end), ("leaf", leaf_context)):
             ended_visits = Signal(contexts, name=f"{name}_visits_over")
             m.d.sync += ended_visits.eq(over)
             visits = minus(visits, ended_visits)

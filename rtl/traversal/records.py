@@ -45,14 +45,17 @@ def node_result(config: Config) -> data.StructLayout:
     )
 
 
-STACK_ENTRY = data.StructLayout({"entry": TIME_BITS, "address": ADDRESS_BITS, "leaf": 1, "rank": RANK_BITS})
-"""A visit that waits: the distance at which the ray enters, and where it goes."""
+STACK_ENTRY = data.StructLayout(
+    {"entry": TIME_BITS, "address": ADDRESS_BITS, "leaf": 1, "rank": RANK_BITS, "near_below": 1}
+)
+"""A visit that waits: the distance at which the ray enters, and where it goes; whether the entry below is near."""
 
 
 def push_list(config: Config) -> data.StructLayout:
     """Children from `last` down to `first` of a list of hits, for a stack's places from `height` up.
 
     `again`: instead of children, an entry for the node `base` itself, of rank `first`; `last` is then `first`.
+    `near`: which of the children are near the one that the ray goes on to; `near_below`: that of the top of the stack.
     """
     return data.StructLayout(
         {
@@ -65,6 +68,8 @@ def push_list(config: Config) -> data.StructLayout:
             "leaf": WIDTH,
             "slot": data.ArrayLayout(3, WIDTH),
             "entry": data.ArrayLayout(TIME_BITS, WIDTH),
+            "near": WIDTH,
+            "near_below": 1,
         }
     )
 

@@ -88,6 +88,7 @@ class Stacks(wiring.Component):
             write.data.address.eq(item.base + Mux(item.again, 0, item.slot[index])),
             write.data.leaf.eq(~item.again & item.leaf.bit_select(item.slot[index], 1)),
             write.data.rank.eq(Mux(item.again, item.first, 0)),
+            write.data.near_below.eq(Mux(done == 0, item.near_below, item.near.bit_select((index + 1)[:RANK_BITS], 1))),
             self.written.valid.eq(writing & last),
             self.written.context.eq(item.context),
             read.en.eq(self.read.en),

@@ -2,7 +2,7 @@
 # (a unit is also made only to ask for its ports)
 """The traversal unit: rays in, hits out, through a tree of boxes in memory."""
 
-from amaranth import Module, Value
+from amaranth import Const, Module, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -131,8 +131,10 @@ class Traversal(wiring.Component):
         # Every queue on the way has room for all visits that there can be. So the stages' own requests never wait, the
         # caches can always answer, and what waits for a cache always gets on.
         caches = {}
+        backlog: Value = Const(0)
         for name, requests in (("node", control.node_request), ("triangle", control.leaf_request)):
             queue = m.submodules[f"{name}_queue"] = Queue(requests.payload.shape(), visits)
+            backlog |= queue.more
             caches[name] = cache = m.submodules[f"{name}_cache"] = BlockCache(
                 sets=getattr(config, f"{name}_sets"),
                 ways=getattr(config, f"{name}_ways"),
@@ -150,6 +152,7 @@ class Traversal(wiring.Component):
                 cache.base.eq(header.tree_base),
                 cache.invalidate.eq(loader.go),
             ]
+        m.d.comb += [control.backlog.eq(backlog), control.starved.eq(nodes.starved)]
         m.d.comb += [
             nodes.i.valid.eq(caches["node"].o.valid),
             nodes.i.payload.data.eq(caches["node"].o.payload.data),

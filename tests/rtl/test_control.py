@@ -9,7 +9,7 @@ from amaranth.sim import Simulator
 
 from golden_model.formats import TIME_BITS, TRACE_ERRORS, WIDTH
 from rtl.config import Config
-from rtl.traversal.control import Control
+from rtl.traversal.control import NEAR_BITS, SURE, Control
 
 SEED = 1984
 RAYS = 120
@@ -127,6 +127,8 @@ def test_every_ray_is_finished_once(overlap: int) -> None:
             ctx.set(dut.start.valid, sent < RAYS and rng.random() < 0.5)
             ctx.set(dut.finished.ready, rng.random() < 0.5)
             ctx.set(dut.node.valid, around.offered >= 0)
+            ctx.set(dut.backlog, rng.random() < 0.3)
+            ctx.set(dut.starved, rng.random() < 0.1)
             around.offer_node(ctx)
             around.offer_leaf(ctx)
             around.strobe(ctx, dut.started, around.starting)
@@ -145,3 +147,51 @@ def test_every_ray_is_finished_once(overlap: int) -> None:
     simulator.add_clock(1e-6)
     simulator.add_testbench(testbench)
     simulator.run()
+
+
+@pytest.mark.parametrize(
+    ("backlog", "starved", "near", "most"),
+    [(1, 1, 1, 1), (0, 1, 0, SURE), (0, 1, 1, SMALL.overlap), (0, 0, 1, SMALL.overlap)],
+    ids=["while requests wait", "far children", "near children", "nothing waits"],
+)
+def test_how_far_a_ray_runs_ahead(backlog: int, starved: int, near: int, most: int) -> None:
+    """One ray, whose root has more children than there may be visits under way, none of which ever comes back."""
+    dut = Control(SMALL)
+    asked = 0
+
+    async def testbench(ctx: Any) -> None:
+        nonlocal asked
+        for name, value in {
+            "overlap": SMALL.overlap,
+            "levels": 1,
+            "root": 1,
+            "backlog": backlog,
+            "starved": starved,
+        }.items():
+            ctx.set(getattr(dut, name), value)
+        ctx.set(dut.time_read.time, (1 << TIME_BITS) - 1)
+        ctx.set(dut.start.valid, 1)
+        await ctx.tick().until(dut.start.ready)
+        ctx.set(dut.start.valid, 0)
+        ctx.set(dut.started.valid, 1)
+        await ctx.tick()
+        ctx.set(dut.started.valid, 0)
+        await ctx.tick().until(dut.node_request.valid)
+        hits = dut.node.payload.hits
+        ctx.set(dut.node.payload.base, 2)
+        ctx.set(hits.count, SMALL.overlap + 2)
+        for slot in range(WIDTH):
+            ctx.set(hits.slot[slot], slot)
+            ctx.set(hits.entry[slot], 0 if near else slot << NEAR_BITS)
+        ctx.set(dut.node.valid, 1)
+        await ctx.tick().until(dut.node.ready)
+        ctx.set(dut.node.valid, 0)
+        for _ in range(40):
+            asked += ctx.get(dut.node_request.valid)
+            await ctx.tick()
+
+    simulator = Simulator(dut)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(testbench)
+    simulator.run()
+    assert asked == most
