@@ -161,14 +161,10 @@ def test_how_far_a_ray_runs_ahead(backlog: int, starved: int, near: int, most: i
 
     async def testbench(ctx: Any) -> None:
         nonlocal asked
-        for name, value in {
-            "overlap": SMALL.overlap,
-            "levels": 1,
-            "root": 1,
-            "backlog": backlog,
-            "starved": starved,
-        }.items():
-            ctx.set(getattr(dut, name), value)
+        ctx.set(dut.overlap, SMALL.overlap)
+        ctx.set(dut.levels, 1)
+        ctx.set(dut.backlog, backlog)
+        ctx.set(dut.starved, starved)
         ctx.set(dut.time_read.time, (1 << TIME_BITS) - 1)
         ctx.set(dut.start.valid, 1)
         await ctx.tick().until(dut.start.ready)
