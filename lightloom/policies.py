@@ -1,8 +1,12 @@
 """Policies side by side: the same scene, seed and budget under each, against converged lightmaps of the same frames.
 
-The measure is the mean relative error of a frame, E = sum |I - R| / sum R over all pixels and channels of the linear
-pictures I and R. R is the picture of that very frame read from converged maps (`golden_model.reference`), so what E
-counts is what is wrong with the maps, and nothing else.
+The measure is the mean relative error of a frame, E = sum |I - R| / sum R over the pixels that count and all channels
+of the linear pictures I and R. R is the picture of that very frame read from converged maps (`golden_model.reference`),
+so what E counts is what is wrong with the maps, and nothing else.
+
+A pixel counts unless light of an emitter reaches it by no lightmap: seen directly, in a mirror or through glass. That
+light is the same in I and R by construction, and a lamp in view is many times as bright as what it lights: in sum R it
+would hide what is wrong everywhere else.
 """
 
 from collections import Counter
@@ -149,8 +153,18 @@ class Comparison:
         return self.policies[-1]
 
 
+def counted_pixels(renderer: Renderer, result: FrameResult) -> np.ndarray:
+    """The pixels of the last frame, which `result` is, that measures count: (H, W) bool.
+
+    Those that are black where all lightmaps are. The others show an emitter, straight or by mirrors and glass, and what
+    of them comes from lightmaps besides goes uncounted with it.
+    """
+    straight = renderer.picture(result, np.zeros_like(result.lightmap))
+    return np.asarray((straight == 0).all(axis=-1))
+
+
 def error(image: np.ndarray, reference: np.ndarray) -> float | None:
-    """E = sum |I - R| / sum R over the values of (H, W, 3) that are finite in both; None for a black reference."""
+    """E = sum |I - R| / sum R over the values of (..., 3) that are finite in both; None for a black reference."""
     finite = np.isfinite(image) & np.isfinite(reference)
     shown, wanted = image[finite].astype(np.float64), reference[finite].astype(np.float64)
     total = float(wanted.sum())
@@ -266,16 +280,21 @@ class _Judge:
         wanted = renderer.picture(result, self.reference.published(result.frame, self._looked_at(result)))
         if self.exposure is None:
             self.exposure = exposure_for(wanted)
+        counted = counted_pixels(renderer, result)
         if self.noise is None:
-            self.noise = self._noise(renderer, result, wanted)
+            self.noise = self._noise(renderer, result, wanted, counted)
         figures: dict[str, dict[str, Any]] = {
-            name: {"error": error(shown.image, wanted), "relative_mse": relative_mse(shown.image, wanted)}
+            name: {
+                "error": error(shown.image[counted], wanted[counted]),
+                "relative_mse": relative_mse(shown.image[counted], wanted[counted]),
+                "counted": float(counted.mean()),
+            }
             for name, shown in results.items()
         }
         if result.frame in self._film_frames:
-            self._film.append(self._film_frame(results, wanted))
+            self._film.append(self._film_frame(results, wanted, counted))
         if result.frame in self.options.shown:
-            for name, value in self._write(results, wanted).items():
+            for name, value in self._write(results, wanted, counted).items():
                 figures[name]["flip"] = value
             full = self.options.full
             for quantity in QUANTITIES:
@@ -283,7 +302,7 @@ class _Judge:
                 write_quantity(place, quantity, self.lightmaps, results[full], renderers[full].state)
         return figures
 
-    def _noise(self, renderer: Renderer, result: FrameResult, wanted: np.ndarray) -> float | None:
+    def _noise(self, renderer: Renderer, result: FrameResult, wanted: np.ndarray, counted: np.ndarray) -> float | None:
         """The reference's own E, from one of fewer rays and other random numbers, which differs by the noise of both.
 
         Taken to fall with the root of the number of rays; it falls faster, so this is rather too much.
@@ -291,14 +310,16 @@ class _Judge:
         rays = self.options.reference_rays
         fewer = max(rays // NOISE_RAYS, LEAST_RAYS)
         other = self._reference(fewer, 1).published(result.frame, self._looked_at(result))
-        between = error(renderer.picture(result, other), wanted)
+        between = error(renderer.picture(result, other)[counted], wanted[counted])
         return None if between is None else between / float(np.sqrt(1 + rays / fewer))
 
     def _looked_at(self, result: FrameResult) -> np.ndarray | None:
         """The texels that the picture of a frame reads; None: any, where mirrors and glass show what is not seen."""
         return None if self.scene.specular else visible_texels(self.lightmaps, result.gbuffer)
 
-    def _write(self, results: Mapping[str, FrameResult], wanted: np.ndarray) -> dict[str, float]:
+    def _write(
+        self, results: Mapping[str, FrameResult], wanted: np.ndarray, counted: np.ndarray
+    ) -> dict[str, float | None]:
         """Writes a key frame's pictures; mean FLIP of each policy's."""
         reference = self._display(wanted)
         found = {}
@@ -307,15 +328,15 @@ class _Judge:
             shown = self._display(result.image)
             write_png(place / "reference.png", reference)
             write_png(place / f"{name}.png", shown)
-            write_png(place / f"{name}-error.png", error_colours(relative_error(result.image, wanted)))
-            found[name] = flip(shown, reference)
+            write_png(place / f"{name}-error.png", error_colours(relative_error(result.image, wanted, counted)))
+            found[name] = flip(shown, reference, counted)
         return found
 
-    def _film_frame(self, results: Mapping[str, FrameResult], wanted: np.ndarray) -> np.ndarray:
+    def _film_frame(self, results: Mapping[str, FrameResult], wanted: np.ndarray, counted: np.ndarray) -> np.ndarray:
         """The baseline and the full policy side by side, and below each its errors."""
         pair = [results[name].image for name in (self.options.baseline, self.options.full)]
         top = np.concatenate([self._display(image) for image in pair], axis=1)
-        bottom = np.concatenate([error_colours(relative_error(image, wanted)) for image in pair], axis=1)
+        bottom = np.concatenate([error_colours(relative_error(image, wanted, counted)) for image in pair], axis=1)
         return np.concatenate([top, bottom], axis=0)
 
     def write_film(self) -> None:
@@ -327,12 +348,13 @@ class _Judge:
         return tonemap(image, self.exposure)
 
 
-def flip(shown: np.ndarray, wanted: np.ndarray) -> float:
-    """Mean LDR-FLIP between 8-bit sRGB pictures (H, W, 3), 0 to 1."""
+def flip(shown: np.ndarray, wanted: np.ndarray, counted: np.ndarray) -> float | None:
+    """Mean LDR-FLIP between 8-bit sRGB pictures (H, W, 3), 0 to 1, over pixels (H, W) bool; None if there are none."""
     import flip_evaluator
 
     test, reference = (picture.astype(np.float32) / 255 for picture in (shown, wanted))
-    return float(flip_evaluator.evaluate(reference, test, "LDR")[1])
+    differences, _, _ = flip_evaluator.evaluate(reference, test, "LDR", applyMagma=False)
+    return float(np.mean(differences[counted], dtype=np.float64)) if counted.any() else None
 
 
 def _row(result: FrameResult, state: np.ndarray, visible: np.ndarray) -> dict[str, Any]:

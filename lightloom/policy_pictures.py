@@ -15,7 +15,8 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 ERROR_RANGE = 0.5
 """Relative error at the ends of the colour scale."""
 ERROR_FLOOR = 0.05
-"""What is darker than this part of the mean luminance counts as if it were as bright: black has no relative error."""
+"""What is darker than this part of the mean luminance of the pixels that count is taken for as bright: black has no
+relative error."""
 ERROR_ANCHORS = (
     (-1.0, (178, 226, 255)),
     (-0.55, (48, 140, 220)),
@@ -34,10 +35,13 @@ UNKNOWN_AGE = 65535
 """Age of a texel that was never sampled."""
 
 
-def relative_error(image: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """Signed relative error of the luminance of linear pictures (H, W, 3): (H, W) float64, negative: too dark."""
+def relative_error(image: np.ndarray, reference: np.ndarray, counted: np.ndarray) -> np.ndarray:
+    """Signed relative error of the luminance of linear pictures (H, W, 3): (H, W) float64, negative: too dark.
+
+    `counted` (H, W) bool are the pixels whose mean the floor is a part of: lamps in view would raise it.
+    """
     shown, wanted = (luminance(picture) for picture in (image, reference))
-    floor = ERROR_FLOOR * float(wanted.mean())
+    floor = ERROR_FLOOR * float(wanted[counted].mean()) if counted.any() else 0.0
     return (shown - wanted) / np.maximum(wanted, floor) if floor > 0 else np.zeros_like(wanted)
 
 

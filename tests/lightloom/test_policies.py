@@ -14,7 +14,7 @@ from golden_model.lightmap import EMPTY, VALID
 from golden_model.policy import POLICIES, Policy
 from golden_model.renderer import Renderer
 from golden_model.scene import load_scene
-from lightloom.policies import Comparison, error, summary, visible_texels
+from lightloom.policies import Comparison, counted_pixels, error, flip, summary, visible_texels
 from lightloom.policy_parameters import changed_parameters, field_docs, parameters
 from lightloom.policy_pictures import (
     ERROR_RANGE,
@@ -33,6 +33,16 @@ BEHIND = """
 [[quad]]
 name = "behind the camera"
 corners = [[-2, 0, 6], [-2, 3, 6], [2, 3, 6], [2, 0, 6]]
+"""
+ABOVE = """
+[[quad]]
+name = "lamp"
+corners = [[-0.8, 1.4, -1.5], [-0.8, 0.5, -1.5], [0.8, 0.5, -1.5], [0.8, 1.4, -1.5]]
+emission = [5, 5, 5]
+[[quad]]
+name = "panel"
+corners = [[-1, 0.1, 1.5], [1, 0.1, 1.5], [1, 0.1, -0.5], [-1, 0.1, -0.5]]
+material = "{surface}"
 """
 GLASS = """
 [[sphere]]
@@ -75,10 +85,16 @@ def test_relative_error_has_a_sign_and_a_floor() -> None:
     reference[0, 3] = 0
     image = reference * np.array([0.5, 1, 1.5, 0], dtype=np.float32)[None, :, None]
     image[0, 3] = 0.01
-    found = relative_error(image, reference)[0]
+    every = np.ones((1, 4), dtype=bool)
+    found = relative_error(image, reference, every)[0]
     assert found[:3] == pytest.approx([-0.5, 0, 0.5])
     assert found[3] == pytest.approx(0.01 / (0.05 * 0.75))
-    assert not relative_error(image, np.zeros_like(image)).any()
+    assert not relative_error(image, np.zeros_like(reference), every).any()
+    assert not relative_error(image, reference, ~every).any()
+    # A lamp raises no floor.
+    lamp = np.full((1, 1, 3), 1000, dtype=np.float32)
+    shown, wanted = (np.concatenate([picture, lamp], axis=1) for picture in (image, reference))
+    assert relative_error(shown, wanted, np.array([[True] * 4 + [False]]))[0].tolist() == [*found, 0]
 
 
 def test_colours_of_errors_tell_the_sign_and_grow_lighter() -> None:
@@ -160,6 +176,36 @@ def test_the_picture_that_a_frame_is_compared_with_differs_by_the_maps_alone(tmp
         np.testing.assert_array_equal(renderer.picture(result, result.lightmap), result.image)
 
 
+@pytest.mark.parametrize("surface", ["diffuse", "mirror", "glass"])
+def test_pixels_that_show_an_emitter_count_in_no_measure(tmp_path: Path, surface: str) -> None:
+    path = tmp_path / "lamp.toml"
+    path.write_text(ROOM + ABOVE.format(surface=surface))
+    scene = load_scene(path)
+    renderer = Renderer(scene, width=48, height=40, budget=2000, backend="numpy")
+    result = renderer.frame()
+    counted = counted_pixels(renderer, result)
+    seen = result.gbuffer["primitive"]
+    names = np.array([*scene.object_names, "nothing"])[np.where(seen >= 0, scene.object_id[seen], -1)]
+    lamp = names == "lamp"
+    assert lamp.sum() > 50
+    assert not counted[lamp & result.gbuffer["front"]].any()
+    assert counted[(names == "floor") | (names == "wall") | (names == "nothing")].all()
+    panel = counted[names == "panel"]
+    assert panel.size > 50
+    assert panel.all() == (surface == "diffuse"), "a mirror and glass show the lamp"
+    assert panel.any(), "but not everywhere"
+    # What is wrong in every other pixel is not made small by what cannot be wrong.
+    reference = result.image
+    image = np.where(lamp[..., None], reference, reference * np.float32(1.25))
+    assert error(image[counted], reference[counted]) == pytest.approx(0.25)
+    assert (error(image, reference) or 0) < 0.2
+    shown, wanted = (np.minimum(255 * picture, 255).astype(np.uint8) for picture in (image, reference))
+    inside, outside, whole = (flip(shown, wanted, part) for part in (counted, ~counted, np.ones_like(counted)))
+    assert whole == pytest.approx((inside or 0) * counted.mean() + (outside or 0) * (~counted).mean())
+    assert inside != outside
+    assert flip(shown, wanted, np.zeros_like(counted)) is None
+
+
 # --- what is compared and shown -------------------------------------------------------------------------------------
 
 
@@ -227,6 +273,7 @@ def test_policies(cli: Run, tmp_path: Path, room: Path) -> None:
         assert ["error" in row for row in rows] == [False, True, False, True]
         assert all(0 < row["spent"] <= 1000 and row["spent"] == sum(row["rays"].values()) for row in rows)
         assert all(0 < row["error"] < 1 for row in rows if "error" in row)
+        assert all(0 < row["counted"] <= 1 for row in rows if "error" in row)
         assert policy["summary"]["within_budget"]
         assert 0 < policy["summary"]["machine_seconds"] < 0.1
         assert 0 <= rows[3]["flip"] < 1
