@@ -17,7 +17,6 @@ from golden_model.formats import RAY, TRIANGLE
 from golden_model.lightmap import BURIED, VALID, Lightmaps
 from golden_model.scene import Scene
 from golden_model.tracer import Trace
-from golden_model.vectors import add, scale
 
 RAYS = 32
 """Rays a texel: the first entries of the cosine table."""
@@ -42,7 +41,7 @@ def find_buried(lightmaps: Lightmaps, scene: Scene, trace: Trace) -> Lightmaps:
         mine = np.flatnonzero((texels["state"] == VALID) & np.isin(texels["object"], objects))
         for begin in range(0, len(mine), BATCH // RAYS):
             chosen = mine[begin : begin + BATCH // RAYS]
-            rays = hemisphere_rays(texels[chosen], scene.offset, cosine_table()[:RAYS])
+            rays = hemisphere_rays(texels[chosen], cosine_table()[:RAYS])
             hits = tracer(rays.reshape(-1)).reshape(len(chosen), RAYS)
             backs = ((hits["primitive"] >= 0) & ~hits["front"]).sum(axis=1)
             texels["state"][chosen[backs >= MOST]] = BURIED
@@ -62,11 +61,11 @@ def _alone(scene: Scene, trace: Trace) -> Iterator[tuple[list[int], Trace]]:
         yield objects, partial(traversal.trace, build(triangles))
 
 
-def hemisphere_rays(texels: np.ndarray, offset: np.float32, local: np.ndarray) -> np.ndarray:
-    """TEXEL (N,) and directions about +z (K, 3) to RAY (N, K), starting `offset` off the surface, without end."""
+def hemisphere_rays(texels: np.ndarray, local: np.ndarray) -> np.ndarray:
+    """TEXEL (N,) and directions about +z (K, 3) to RAY (N, K), from where rays of the texels start, without end."""
     count = len(local)
     rays = np.zeros((len(texels), count), dtype=RAY)
-    rays["origin"] = add(texels["position"], scale(texels["normal"], offset))[:, None, :]
+    rays["origin"] = texels["position"][:, None, :]
     normal, tangent = (np.repeat(texels[name], count, axis=0) for name in ("normal", "tangent"))
     rays["direction"] = to_world(np.tile(local, (len(texels), 1)), normal, tangent).reshape(len(texels), count, 3)
     rays["t_max"] = np.inf

@@ -13,8 +13,9 @@ from golden_model.lightmap import Lightmaps
 from golden_model.mesh import area_vectors, dot
 from golden_model.mesh_charts import mesh_charts
 from golden_model.planar_charts import ObjectCharts, planar_charts, planar_pieces
+from golden_model.ray_offset import lift
 from golden_model.scene import Scene
-from golden_model.texel_records import MARGIN, texel_records
+from golden_model.texel_records import MARGIN, texel_records, unit
 from golden_model.tracer import Trace
 
 PLANAR_TRIANGLES = 512
@@ -101,10 +102,16 @@ def _unwrap_object(scene: Scene, number: int, texel_size: float, cache: Path | N
         return _empty_map(int(members.sum()))
     corners = scene.corners[members]
     charts = object_charts(corners, texel_size, cache)
+    span = scene.spans[members]
+    if (path := scene.object_path[number]) is not None and not path.stays:
+        # Texels and triangles are carried to a frame's pose each by itself: both round with the coordinates there.
+        span = span + np.float32(scene.object_reach[number])
+    normal = unit(area_vectors(corners)).astype(np.float32)
     # Where texels are tiny the margin is what keeps rays from starting in a wall that meets this one.
-    margin = max(MARGIN, 2 * float(scene.offset) / texel_size)
+    farthest = lift(corners, normal[:, None], span[:, None]).max(axis=1)
+    margin = np.maximum(MARGIN, 2 * farthest.astype(np.float64) / texel_size)
     texels, chart = texel_records(
-        corners, scene.normals[members], charts.uv, charts.chart, charts.width, charts.height, margin
+        corners, scene.normals[members], charts.uv, charts.chart, charts.width, charts.height, span, margin
     )
     return _Object(charts, texels, chart)
 

@@ -9,6 +9,7 @@ from golden_model.floats import flush, quiet
 from golden_model.formats import INFLUENCE, RAY
 from golden_model.influence import FOOTPRINT, level_of, reflecting_reach, remembered
 from golden_model.policy import Policy
+from golden_model.ray_offset import ray_start
 from golden_model.scene import Scene
 from golden_model.scene_changes import Table, moved_objects
 from golden_model.tracer import Trace
@@ -56,14 +57,14 @@ def _faces(
         scene = after if after.present[item.object] else before
         sides = np.flatnonzero(table.faces[item.object] >= 0)
         corners = scene.corners[table.faces[item.object][sides]]
-        first = subtract(corners[:, 1], corners[:, 0])
-        normal = normalize(cross(normalize(first), normalize(subtract(corners[:, 2], corners[:, 0]))))
+        first, second = subtract(corners[:, 1], corners[:, 0]), subtract(corners[:, 2], corners[:, 0])
+        normal = normalize(cross(normalize(first), normalize(second)))
         along = normalize(first)
         across = cross(normal, along)
-        middle = scale(add(add(corners[:, 0], corners[:, 1]), corners[:, 2]), np.float32(1 / 3))
+        middle = add(corners[:, 0], scale(add(first, second), np.float32(1 / 3)))
         reach = _toward(normal, reflecting_reach(table, before, after, item, policy))
         own = np.zeros((len(sides), len(TILTS)), dtype=RAY)
-        own["origin"] = add(middle, scale(normal, scene.offset))[:, None]
+        own["origin"] = ray_start(middle, normal, scene.spans[table.faces[item.object][sides]])[:, None]
         own["t_max"] = np.inf
         for k, (u, v) in enumerate(TILTS):
             own["direction"][:, k] = add(add(normal, scale(along, np.float32(u))), scale(across, np.float32(v)))

@@ -276,9 +276,9 @@ NODE_HITS = np.dtype([("count", bits(4)), ("slot", bits(3), (WIDTH,)), ("entry",
 # A lamp without size: radiant intensity RGB (W/sr), so that the irradiance at distance r is intensity * cosine / r**2.
 POINT_LIGHT = np.dtype([("position", F4, (3,)), ("intensity", F4, (3,))])
 
-# Where a lightmap texel lies: a point on its surface, unit normal and unit tangent (the bitangent is normal x tangent),
-# the object whose map it belongs to. `state` is 0 outside all charts (then the rest is zero), 1 for a texel that is
-# sampled, 2 for one that lies inside or under other geometry; 0 and 2 show the value of another texel.
+# Where a lightmap texel lies: the point that its rays start from, just off its surface, unit normal and unit tangent
+# (the bitangent: normal x tangent), the object whose map it belongs to. `state` is 0 outside all charts (then the rest
+# is zero), 1 for a texel that is sampled, 2 for one inside or under other geometry; 0 and 2 show another texel's value.
 TEXEL = np.dtype(
     [("position", F4, (3,)), ("normal", F4, (3,)), ("tangent", F4, (3,)), ("object", I4), ("state", bits(2))]
 )

@@ -15,11 +15,13 @@ import numpy as np
 from golden_model.directions import COUNT, ROTATIONS, cosine_table, rotation_table, tangent_of, to_world
 from golden_model.floats import flush, quiet
 from golden_model.formats import RAY
+from golden_model.hit_surface import surface_at
 from golden_model.lights import Lights, direct_candidates, lights_of, met_emission
 from golden_model.random import hash_u32, uniform
+from golden_model.ray_offset import lift, ray_start
 from golden_model.scene import Scene
 from golden_model.tracer import Trace
-from golden_model.vectors import add, interpolate, normalize, scale, subtract
+from golden_model.vectors import add, scale, subtract
 
 _PI = np.float32(3.1415927)
 _RIVALS = np.float32(1)  # a ray goes on from a vertex for each light sample there
@@ -51,7 +53,8 @@ def irradiance(
         number = np.arange(begin, min(begin + points, len(position)))
         for first in range(0, samples, run):
             count = min(run, samples - first)
-            place, facing = position[part].astype(np.float32), normal[part].astype(np.float32)
+            facing = normal[part].astype(np.float32)
+            place = _starts(scene, trace, position[part].astype(np.float32), facing)
             key = hash_u32(number, seed)
             batch = _direct(lights, trace, place, facing, key, first, count)
             batch += _indirect(scene, lights, trace, place, facing, key, first, count)
@@ -60,6 +63,20 @@ def irradiance(
             if progress is not None:
                 progress(done, len(position) * samples)
     return (total / samples).astype(np.float32)
+
+
+def _starts(scene: Scene, trace: Trace, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Where the rays of points (N, 3) on surfaces with unit normals (N, 3) start, (N, 3) float32.
+
+    Which triangle a point lies on is found by a ray to it from as far off as the largest triangle of the scene could
+    make it; a point in the air needs no more than its own coordinates do.
+    """
+    probe = np.zeros(len(position), dtype=RAY)
+    far = lift(position, normal, scene.spans.max())
+    probe["origin"] = add(position, scale(normal, far))
+    probe["direction"], probe["t_max"] = -normal, flush(np.float32(2) * far)
+    met = trace(probe)["primitive"]
+    return ray_start(position, normal, np.where(met >= 0, scene.spans[met], np.float32(0)))
 
 
 def _in_order(values: np.ndarray) -> np.ndarray:
@@ -109,7 +126,7 @@ def _indirect(
     own = hash_u32(np.repeat(key, samples), sample)  # of each path
     turn = hash_u32(np.repeat(key, samples), _TURN, sample // COUNT)
     place, facing = np.repeat(position, samples, axis=0), np.repeat(normal, samples, axis=0)
-    rays = _bounce(scene, place, facing, sample % COUNT, turn)
+    rays = _bounce(place, facing, sample % COUNT, turn)
     throughput = np.ones((len(path), 3), dtype=np.float32)
     for vertex in range(_vertices(scene)):
         hits = trace(rays)
@@ -118,7 +135,8 @@ def _indirect(
         if not len(path):
             break
         before, normal_before = place[met], facing[met]
-        place, facing, albedo = _surface(scene, hits)
+        surface = surface_at(scene, hits)
+        place, facing, albedo = surface.start, surface.facing, scene.albedo[scene.material[hits["primitive"]]]
         glow = met_emission(lights, hits["primitive"], hits["front"], subtract(place, before), normal_before, _RIVALS)
         gathered[path] += flush(throughput * flush(glow * _PI))
         throughput = flush(throughput * albedo)
@@ -130,7 +148,7 @@ def _indirect(
         path, own, place, facing = path[onward], own[onward], place[onward], facing[onward]
         throughput = flush(throughput[onward] / chance[onward, None])
         entry = hash_u32(own, _DIRECTION, vertex)
-        rays = _bounce(scene, place, facing, entry % np.uint32(COUNT), entry // np.uint32(COUNT))
+        rays = _bounce(place, facing, entry % np.uint32(COUNT), entry // np.uint32(COUNT))
     return _in_order(gathered.reshape(points, samples, 3))
 
 
@@ -144,23 +162,11 @@ def _vertices(scene: Scene) -> int:
     return count
 
 
-def _bounce(scene: Scene, place: np.ndarray, facing: np.ndarray, entry: np.ndarray, turn: np.ndarray) -> np.ndarray:
+def _bounce(start: np.ndarray, facing: np.ndarray, entry: np.ndarray, turn: np.ndarray) -> np.ndarray:
     """RAY (N,) from points with normals (N, 3) along entries of the cosine table, turned by entries of the other."""
-    rays = np.zeros(len(place), dtype=RAY)
-    rays["origin"] = add(place, scale(facing, scene.offset))
+    rays = np.zeros(len(start), dtype=RAY)
+    rays["origin"] = start
     rotation = rotation_table()[turn % np.uint32(ROTATIONS)]
     rays["direction"] = to_world(cosine_table()[entry], facing, tangent_of(facing), rotation)
     rays["t_max"] = np.inf
     return rays
-
-
-def _surface(scene: Scene, hits: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """HIT (N,) to points, unit normals on the side that was hit, and albedos, (N, 3) each."""
-    primitive, u, v = hits["primitive"], hits["u"], hits["v"]
-    triangle, normals = scene.triangles[primitive], scene.normals[primitive]
-    place = interpolate(triangle["v0"], triangle["v1"], triangle["v2"], u, v)
-    facing = normalize(interpolate(normals[:, 0], normals[:, 1], normals[:, 2], u, v))
-    # Normals that cancel in the middle of a triangle: the first corner's will do.
-    facing = np.where(np.isfinite(facing), facing, normals[:, 0])
-    facing = np.where(hits["front"][:, None], facing, -facing)
-    return place, facing, scene.albedo[scene.material[primitive]]

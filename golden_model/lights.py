@@ -3,8 +3,8 @@
 The irradiance at a point is the sum of the weights of the shadow rays that are not blocked. Rays and weights come
 first, so that the caller can count rays against a budget, trace them together with others, and add up afterwards.
 
-Self-hits: a shadow ray starts `Scene.offset` off the surface along its normal, and ends the same distance in front of
-the light (`t_max` is 1 there), so that neither end needs a tolerance of its own.
+Self-hits: a shadow ray starts off the surface (`golden_model.ray_offset`), and ends as far in front of the light as it
+would have to start from there (`t_max` is 1 there), so that neither end needs a tolerance of its own.
 """
 
 from dataclasses import dataclass
@@ -16,6 +16,7 @@ from golden_model.floats import flush, quiet
 from golden_model.formats import RAY
 from golden_model.mesh import area_vectors, dot
 from golden_model.random import hash_u32, uniform
+from golden_model.ray_offset import ray_start
 from golden_model.scene import Scene
 from golden_model.vectors import add, cross, scale, subtract
 from golden_model.vectors import dot as dot4
@@ -40,8 +41,10 @@ class Lights:
     """Third corner minus the first, (K, 3) float32, zero for a point light."""
     doubled: np.ndarray
     """edge1 x edge2: the normal, as long as twice the area; (K, 3) float32, zero for a point light."""
-    lift: np.ndarray
-    """From the light's surface to where shadow rays end, (K, 3) float32: the unit normal times `offset`."""
+    unit: np.ndarray
+    """Unit normal, (K, 3) float32, zero for a point light."""
+    span: np.ndarray
+    """`Scene.spans` of a triangle, (K,) float32, 0 for a point light."""
     emitted: np.ndarray
     """Radiance of a triangle, radiant intensity of a point light, (K, 3) float32."""
     point: np.ndarray
@@ -52,8 +55,6 @@ class Lights:
     """One over the chance to be chosen, (K,) float32; for triangles halved, because `doubled` is twice the area."""
     of_triangle: np.ndarray
     """The light that each triangle of the scene is, (T,) int32, -1 where it does not shine."""
-    offset: np.float32
-    """How far off surfaces rays start, `Scene.offset`."""
 
     def __len__(self) -> int:
         return len(self.point)
@@ -85,26 +86,25 @@ def lights_of(scene: Scene) -> Lights:
     unit = vectors / np.sqrt(dot(vectors, vectors))[:, None]
     of_triangle = np.full(len(scene.triangles), -1, dtype=np.int32)
     of_triangle[shining] = np.arange(len(shining))
-    lift = np.concatenate([(unit * np.float64(scene.offset)).astype(np.float32), nothing])
     return Lights(
         origin=np.concatenate([corners[:, 0], points["position"]]),
         edge1=edge1,
         edge2=edge2,
         doubled=doubled,
-        lift=lift,
+        unit=np.concatenate([unit.astype(np.float32), nothing]),
+        span=np.concatenate([scene.spans[shining], nothing[:, 0]]),
         emitted=emitted,
         point=point,
         begin=begin,
         share=share.astype(np.float32),
         of_triangle=of_triangle,
-        offset=scene.offset,
     )
 
 
 @quiet
 def direct_candidates(
     lights: Lights,
-    position: np.ndarray,
+    start: np.ndarray,
     normal: np.ndarray,
     key: np.ndarray,
     *,
@@ -113,6 +113,8 @@ def direct_candidates(
     rivals: np.ndarray | np.float32 = NO_RIVALS,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Shadow rays and weights for points (N, 3) with unit normals (N, 3): RAY (N, S), float32 (N, S, 3).
+
+    The points are those where rays start (`golden_model.ray_offset`), which is close enough to the surface.
 
     `key` (N,) integers select a point's own sequence of samples and `first` (a number or (N,)) the place in it, so
     that updates of a texel go on where the last one stopped; runs of 16 are well spread over the lights. Samples with
@@ -127,24 +129,23 @@ def direct_candidates(
     counts by how likely it is to (the power heuristic of Veach 1997, with squares). So a light close by cannot bring a
     few enormous samples: the weights of a point stay below pi / 2 / rivals / S times the emission.
     """
-    count = len(position)
+    count = len(start)
     rays = np.zeros((count, samples), dtype=RAY)
     weight = np.zeros((count, samples, 3), dtype=np.float32)
     if not len(lights) or not count:
         return rays, weight
     light, u, v = _choose(lights, np.asarray(key), np.asarray(first), samples)
 
-    target = add(add(lights.origin[light], scale(lights.edge1[light], u)), scale(lights.edge2[light], v))
-    toward = subtract(target, position[:, None, :])
+    target = add(lights.origin[light], add(scale(lights.edge1[light], u), scale(lights.edge2[light], v)))
+    toward = subtract(target, start[:, None, :])
     factor = _transfer(lights, light, toward, np.broadcast_to(normal[:, None, :], toward.shape))
     lit = factor > 0
     odds = _odds(factor, np.asarray(rivals, dtype=np.float32)[..., None])
     factor = np.where(lights.point[light], factor, flush(factor / flush(np.float32(1) + odds)))
     weight[...] = scale(lights.emitted[light], flush(factor / np.float32(samples)))
 
-    start = add(position, scale(normal, lights.offset))
     rays["origin"] = start[:, None, :]
-    rays["direction"] = subtract(add(target, lights.lift[light]), start[:, None, :])
+    rays["direction"] = subtract(_in_front(lights, light, target, toward), start[:, None, :])
     rays["t_max"] = lit
     return rays, weight
 
@@ -163,6 +164,19 @@ def _transfer(lights: Lights, light: np.ndarray, toward: np.ndarray, normal: np.
     outgoing = np.where(lights.point[light], flush(np.float32(1) / np.sqrt(square)), outgoing)
     factor = flush(flush(incoming * outgoing) * lights.share[light])
     return np.where((incoming > 0) & (outgoing > 0) & np.isfinite(factor), factor, np.float32(0))
+
+
+@quiet
+def _in_front(lights: Lights, light: np.ndarray, target: np.ndarray, toward: np.ndarray) -> np.ndarray:
+    """Where shadow rays end that lead `toward` (..., 3) samples `target` (..., 3) of lights (...): (..., 3) float32.
+
+    Seen from the other end of the ray the light's farthest vertex is away by the ray's length more. Twice that counts:
+    whether the light is met depends there on how far t reaches, not on its sign alone.
+    """
+    size = np.abs(toward)
+    length = np.maximum(np.maximum(size[..., 0], size[..., 1]), size[..., 2])
+    span = flush(np.float32(2) * flush(length + lights.span[light]))
+    return ray_start(target, lights.unit[light], span)
 
 
 def _odds(factor: np.ndarray, rivals: np.ndarray) -> np.ndarray:

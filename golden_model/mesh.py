@@ -3,6 +3,7 @@
 import numpy as np
 
 from golden_model.errors import InputError
+from golden_model.points import numbered
 from golden_model.scene import Part
 
 CREASE_COSINE = 0.7
@@ -41,12 +42,7 @@ def shading_normals(corners: np.ndarray) -> np.ndarray:
     weight = 1.0 / (dot(following, following) * dot(preceding, preceding))
     weighted = (area[:, None, :] * weight[..., None]).reshape(-1, 3)
 
-    # Equal points get one number; lexsort is stable, so the corners at a point keep their order.
-    points = corners.reshape(-1, 3)
-    order = np.lexsort(points.T)
-    changes = (points[order][1:] != points[order][:-1]).any(axis=1)
-    point = np.zeros(len(order), dtype=np.intp)
-    point[order[1:]] = np.cumsum(changes)
+    point, order = numbered(corners.reshape(-1, 3))
     count = np.bincount(point)
     start = np.cumsum(count) - count
     face = np.arange(len(point)) // 3

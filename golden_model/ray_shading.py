@@ -20,12 +20,13 @@ import numpy as np
 
 from golden_model.floats import flush, quiet
 from golden_model.formats import RAY
+from golden_model.hit_surface import surface_at
 from golden_model.lights import Lights, direct_candidates
 from golden_model.random import hash_u32, uniform
 from golden_model.records import take
 from golden_model.scene import DIFFUSE, GLASS, Scene
 from golden_model.shading import INVERSE_PI, Surfaces, albedo_at, diffuse_radiance, emitted
-from golden_model.vectors import add, cross, dot, interpolate, normalize, scale, subtract
+from golden_model.vectors import add, dot, normalize, scale
 
 _REFLECTED, _REFRACTED = 1, 2  # what a path's key is hashed with
 
@@ -122,7 +123,8 @@ def scatter(
     """
     material = scene.material[hits["primitive"]]
     glass = scene.surface[material] == GLASS
-    place, facing, wall = _frame(scene, hits)
+    surface = surface_at(scene, hits)
+    facing, wall = surface.facing, surface.wall
     incoming = normalize(direction)
     # The interpolated normal has to face the ray; the triangle's own does, being the side that was hit.
     turned = dot(facing, incoming) < 0
@@ -144,7 +146,6 @@ def scatter(
     reflectance = np.where(glass, fresnel(cosine, eta), np.float32(1))
     passes = np.isfinite(bent).all(axis=1) & (reflectance < 1)
 
-    lift = scale(wall, scene.offset)
     tint_through = np.where(passes[:, None], tint, np.float32(0))
     tint_back = np.where(glass[:, None], np.float32(1), tint)
     if both:
@@ -162,7 +163,7 @@ def scatter(
     chosen = np.flatnonzero(np.stack([back, passes], axis=1))
     parent, through = np.divmod(chosen, 2)
     rays = np.zeros(len(chosen), dtype=RAY)
-    start = np.stack([add(place, lift), subtract(place, lift)], axis=1).reshape(-1, 3)
+    start = np.stack([surface.start, surface.start_behind], axis=1).reshape(-1, 3)
     rays["origin"] = start[chosen]
     rays["direction"] = np.stack([mirrored, bent], axis=1).reshape(-1, 3)[chosen]
     rays["t_max"] = np.inf
@@ -208,22 +209,6 @@ def fresnel(cosine: np.ndarray, eta: np.ndarray) -> np.ndarray:
 
 
 @quiet
-def _frame(scene: Scene, hits: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of HIT (N,): the point, the interpolated unit normal and the triangle's, both on the side hit, (N, 3) each."""
-    primitive, u, v = hits["primitive"], hits["u"], hits["v"]
-    triangle, corner = scene.triangles[primitive], scene.normals[primitive]
-    place = interpolate(triangle["v0"], triangle["v1"], triangle["v2"], u, v)
-    area = cross(subtract(triangle["v1"], triangle["v0"]), subtract(triangle["v2"], triangle["v0"]))
-    # Its largest component made 1 first: the square of a small triangle's area would be flushed.
-    largest = np.maximum(np.maximum(np.abs(area[:, 0]), np.abs(area[:, 1])), np.abs(area[:, 2]))
-    wall = normalize(flush(area / largest[:, None]))
-    facing = normalize(interpolate(corner[:, 0], corner[:, 1], corner[:, 2], u, v))
-    facing = np.where(np.isfinite(facing), facing, wall)  # normals that cancel in the middle of a triangle
-    side = np.where(hits["front"], np.float32(1), np.float32(-1))
-    return place, scale(facing, side), scale(wall, side)
-
-
-@quiet
 def direct_light(
     scene: Scene,
     lights: Lights,
@@ -240,8 +225,8 @@ def direct_light(
     """
     material = scene.material[np.maximum(hits["primitive"], 0)]
     lit = np.flatnonzero((hits["primitive"] >= 0) & hits["front"] & (scene.surface[material] == DIFFUSE))
-    place, facing, _ = _frame(scene, take(hits, lit))
-    rays, light = direct_candidates(lights, place, facing, key[lit], first=first, samples=samples)
+    surface = surface_at(scene, take(hits, lit))
+    rays, light = direct_candidates(lights, surface.start, surface.facing, key[lit], first=first, samples=samples)
     light = light.reshape(-1, 3)
     carrying = np.flatnonzero(light.any(axis=1))
     return Direct(parent=lit[carrying // samples], rays=take(rays.reshape(-1), carrying), value=light[carrying])

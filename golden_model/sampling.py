@@ -17,7 +17,7 @@ from golden_model.floats import flush, quiet
 from golden_model.formats import RAY
 from golden_model.lights import NO_RIVALS, Lights, direct_candidates, met_emission
 from golden_model.random import hash_u32
-from golden_model.vectors import add, scale
+from golden_model.vectors import scale
 
 PI = np.float32(3.1415927)
 _INDIRECT, _SHADOW = range(2)  # what a hash is for
@@ -77,7 +77,7 @@ def texel_rays(
     shadow, light = shadow_rays(update, lights, light_samples, rivals)
     carrying = np.flatnonzero(light.any(axis=1))
     return TexelRays(
-        indirect=indirect_rays(update, count, lights.offset),
+        indirect=indirect_rays(update, count),
         indirect_slot=np.repeat(np.arange(len(count)), count),
         directions=count,
         shadow=shadow[carrying],
@@ -88,8 +88,8 @@ def texel_rays(
     )
 
 
-def indirect_rays(update: Update, directions: np.ndarray | int, offset: np.float32) -> np.ndarray:
-    """RAY (R,), texel by texel: cosine-distributed around the normal, from `offset` above the surface.
+def indirect_rays(update: Update, directions: np.ndarray | int) -> np.ndarray:
+    """RAY (R,), texel by texel: cosine-distributed around the normal.
 
     `directions` (M,), or one number for all, are powers of two up to 4096. Update n of a texel takes the run n xor h of
     the table, h a hash of the texel, turned about the normal by an angle of the texel's own: so one texel runs through
@@ -101,12 +101,12 @@ def indirect_rays(update: Update, directions: np.ndarray | int, offset: np.float
     within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
     entry = np.repeat(run * count, count) + within
     rotation = rotation_table()[(hashed >> np.uint32(16)) % np.uint32(ROTATIONS)]
-    start = add(update.record["position"], scale(update.record["normal"], offset))
 
     rays = np.zeros(len(entry), dtype=RAY)
     rays["t_max"] = np.inf
     rays["origin"], normal, tangent, turn = (
-        np.repeat(a, count, axis=0) for a in (start, update.record["normal"], update.record["tangent"], rotation)
+        np.repeat(a, count, axis=0)
+        for a in (update.record["position"], update.record["normal"], update.record["tangent"], rotation)
     )
     rays["direction"] = to_world(cosine_table()[entry], normal, tangent, turn)
     return rays

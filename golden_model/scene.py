@@ -20,6 +20,7 @@ import numpy as np
 from golden_model.errors import InputError
 from golden_model.formats import POINT_LIGHT, TRIANGLE
 from golden_model.paths import REST, LightPath, ObjectPath, segment
+from golden_model.ray_offset import spans
 
 LARGEST, SMALLEST = 2.0**40, 2.0**-40
 """Coordinates lie within +-LARGEST and the scene is larger than SMALLEST: squares of lengths stay normal float32."""
@@ -246,12 +247,18 @@ class Scene:
         """Corners of the triangles, (T, 3, 3) float32."""
         return np.stack([self.triangles["v0"], self.triangles["v1"], self.triangles["v2"]], axis=1)
 
-    @functools.cached_property
+    @property
     def reach(self) -> float:
         """No coordinate of any triangle exceeds this in any frame: found from the paths, so the same for all frames."""
+        return float(self.object_reach.max())
+
+    @functools.cached_property
+    def object_reach(self) -> np.ndarray:
+        """No coordinate of an object's triangles exceeds this in any frame, nor at rest: (O,) float64."""
         if self.rest is not None:
-            return self.rest.reach
-        largest = float(np.abs(self.corners).max())
+            return self.rest.object_reach
+        out = np.zeros(len(self.object_names))
+        np.maximum.at(out, self.object_id, np.abs(self.corners).max(axis=(1, 2)))
         for number, path in enumerate(self.object_path):
             if path is not None:
                 # Rotated about the pivot a point stays as far from it; the largest component bounds each of the others.
@@ -259,19 +266,13 @@ class Scene:
                 squares = away * away
                 radius = float(np.sqrt((squares[..., 0] + squares[..., 1] + squares[..., 2]).max()))
                 centre = max(float(np.abs(path.pivot + key.translate).max()) for key in path.keys)
-                largest = max(largest, centre + radius)
-        return largest
+                out[number] = max(out[number], centre + radius)
+        return out
 
     @functools.cached_property
-    def offset(self) -> np.float32:
-        """How far off a surface rays start: 2**-17 of the largest coordinate (rounded up to a power of two).
-
-        A point on a triangle, computed in float32, lies within a few units in the last place (2**-24) of the largest
-        coordinate of the triangle's plane; so does the plane that the intersection test sees. The offset is 128 such
-        units: enough at any scale and anywhere in the scene, and far below anything that can be seen. It is the same
-        in all frames.
-        """
-        return np.float32(np.ldexp(np.float32(2.0**-17), int(np.frexp(np.float32(self.reach))[1])))
+    def spans(self) -> np.ndarray:
+        """What the distance at which rays start goes with, of each triangle: (T,) float32, the same in all frames."""
+        return spans(self.corners) if self.rest is None else self.rest.spans
 
     def camera_at(self, frame: int) -> Camera:
         """The camera of a frame: on the straight line between the keyframes around it; before and after, at the end."""

@@ -212,7 +212,6 @@ class Selector:
             context.after.texel_size,
             predicted=context.predicted,
             trace=context.trace,
-            offset=context.after.offset,
             rays=rays,
         )
 

@@ -12,6 +12,7 @@ import numpy as np
 from golden_model.formats import TEXEL
 from golden_model.lightmap import VALID
 from golden_model.mesh import area_vectors, cross, dot
+from golden_model.ray_offset import ray_start
 
 MARGIN = 1.0 / 16
 """Points keep this distance, in texels, from the border of their chart, so that none lies in a wall that meets it."""
@@ -26,13 +27,15 @@ def texel_records(
     chart: np.ndarray,
     width: int,
     height: int,
-    margin: float = MARGIN,
+    span: np.ndarray,
+    margin: np.ndarray | float = MARGIN,
 ) -> tuple[np.ndarray, np.ndarray]:
     """One object's F triangles to its texels.
 
-    corners, normals (F, 3, 3) float32, uv (F, 3, 2) float32 in texels, chart (F,). Returns TEXEL (height * width,),
-    `object` not set, and the chart of each texel, (height * width,) int32. A texel takes its point from the triangle
-    nearest to its centre, of equal ones from the lower.
+    corners, normals (F, 3, 3) float32, uv (F, 3, 2) float32 in texels, chart (F,), span (F,) float32 as `ray_start`
+    takes it, margin, one or (F,), in texels. Returns TEXEL (height * width,), `object` not set, and the chart of each
+    texel, (height * width,) int32. A texel takes its point from the triangle nearest to its centre, of equal ones from
+    the lower. Its position is where its rays start, a little off that triangle.
     """
     texels = np.zeros(width * height, dtype=TEXEL)
     nearest = np.full(width * height, np.inf)
@@ -53,13 +56,15 @@ def texel_records(
     used = np.flatnonzero(owner >= 0)
     face = owner[used]
     centre = np.stack([used % width + 0.5, used // width + 0.5], axis=1)
-    weight = _inside(_nearest(wide[face], centre)[0], wide[face], margin * _border(uv, chart)[face])
-    point = _weighted(weight, corners[face].astype(np.float64))
-    normal = _unit(_weighted(weight, normals[face].astype(np.float64)))
+    border = _border(uv, chart) * np.broadcast_to(margin, len(uv))[:, None]
+    weight = _inside(_nearest(wide[face], centre)[0], wide[face], border[face])
+    point = _weighted(weight, corners[face].astype(np.float64)).astype(np.float32)
+    wall = unit(area_vectors(corners[face]))
+    normal = unit(_weighted(weight, normals[face].astype(np.float64)))
     # Opposite normals at the corners of one triangle can cancel; then the face's own normal serves.
     flat = ~np.isfinite(normal).all(axis=1)
-    normal[flat] = _unit(area_vectors(corners[face[flat]]))
-    texels["position"][used] = point
+    normal[flat] = wall[flat]
+    texels["position"][used] = ray_start(point, wall.astype(np.float32), span[face])
     texels["normal"][used] = normal
     texels["tangent"][used] = _tangents(corners[face].astype(np.float64), wide[face], normal)
     texels["state"][used] = VALID
@@ -161,7 +166,8 @@ def _weighted(weight: np.ndarray, values: np.ndarray) -> np.ndarray:
     return weight[:, :1] * values[:, 0] + weight[:, 1:2] * values[:, 1] + weight[:, 2:] * values[:, 2]
 
 
-def _unit(vectors: np.ndarray) -> np.ndarray:
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """Vectors (N, 3) at unit length; a zero vector gives NaN."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return vectors / np.sqrt(dot(vectors, vectors))[:, None]
 
@@ -174,12 +180,12 @@ def _tangents(corners: np.ndarray, uv: np.ndarray, normal: np.ndarray) -> np.nda
     mirrored = (u1 * v2 - u2 * v1 < 0)[:, None]
     along = first * v2[:, None] - second * v1[:, None]
     along = np.where(mirrored, -along, along)
-    tangent = _unit(along - normal * dot(along, normal)[:, None])
+    tangent = unit(along - normal * dot(along, normal)[:, None])
     # A chart folded to a line, or a shading normal along u: any tangent will do, so take the first axis that works.
     for axis in np.eye(3):
         bad = ~np.isfinite(tangent).all(axis=1)
         side = np.broadcast_to(axis, tangent.shape)
-        replacement = _unit(cross(normal, side))
+        replacement = unit(cross(normal, side))
         usable = bad & (np.abs(dot(normal, side)) < 0.8)
         tangent[usable] = replacement[usable]
     return tangent

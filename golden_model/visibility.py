@@ -16,7 +16,7 @@ from golden_model.map_windows import Windows
 from golden_model.policy import Policy
 from golden_model.rotation import Rotation
 from golden_model.tracer import Trace
-from golden_model.vectors import add, dot, scale, subtract
+from golden_model.vectors import dot, subtract
 
 UNSEEN, HIDDEN, LIKELY, SEEN = range(4)
 """Degrees: off the screen or facing away; facing and on the screen, but something else is seen there; likely to be
@@ -149,10 +149,10 @@ def _compare(
 
 
 @quiet
-def eye_rays(position: np.ndarray, normal: np.ndarray, view: View, offset: np.float32) -> np.ndarray:
-    """RAY (N,) from `offset` above surface points (N, 3) with unit normals (N, 3) to the eye, which is at t = 1."""
-    rays = np.zeros(len(position), dtype=RAY)
-    rays["origin"] = add(position, scale(normal, offset))
+def eye_rays(start: np.ndarray, view: View) -> np.ndarray:
+    """RAY (N,) from where texels' rays start (N, 3) to the eye, which is at t = 1."""
+    rays = np.zeros(len(start), dtype=RAY)
+    rays["origin"] = start
     rays["direction"] = subtract(view.position, rays["origin"])
     rays["t_max"] = 1
     return rays
@@ -176,12 +176,11 @@ class Visibility:
         *,
         predicted: tuple[View, np.ndarray] | None = None,
         trace: Trace | None = None,
-        offset: np.float32 | float = 0.0,
         rays: int = 0,
     ) -> tuple[Sight, int]:
         """TEXEL (N,) of a frame, of which `valid` (N,) bool count, to what is known of them, and the rays traced.
 
-        At most `rays` rays are traced, and none without `trace`; `offset` as `Scene.offset`.
+        At most `rays` rays are traced, and none without `trace`.
         """
         policy, count = self.policy, len(texels)
         chosen = np.flatnonzero(valid)
@@ -194,8 +193,7 @@ class Visibility:
         if policy.ray_test and trace is not None and rays > 0:
             asked = self.order[self.turn.take(degree[self.order] == LIKELY, min(rays, policy.visibility_rays))]
             traced = len(asked)
-            record = texels[asked]
-            hits = trace(eye_rays(record["position"], record["normal"], view, np.float32(offset)), any_hit=True)
+            hits = trace(eye_rays(texels["position"][asked], view), any_hit=True)
             degree[asked] = np.where(hits["primitive"] >= 0, HIDDEN, SEEN)
 
         soon = np.zeros(count, dtype=bool)

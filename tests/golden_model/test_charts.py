@@ -23,6 +23,7 @@ from golden_model.lightmap import (
 )
 from golden_model.mesh import area_vectors
 from golden_model.planar_charts import GAP, pack, planar_pieces
+from golden_model.ray_offset import lift
 from golden_model.scene import Part, Scene, assemble, load_scene
 from golden_model.texel_records import texel_records
 from golden_model.tracer import Trace
@@ -105,7 +106,7 @@ def test_reads_meet_only_texels_of_their_own_chart(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", CURVED)
-def test_texels_lie_on_the_surface_with_orthonormal_frames(name: str) -> None:
+def test_texels_lie_just_off_the_surface_with_orthonormal_frames(name: str) -> None:
     mesh, texel_size = CURVED[name]()
     scene = scene_of({"mesh": mesh.triangles}, texel_size)
     texels = unwrap(scene).texels
@@ -115,15 +116,16 @@ def test_texels_lie_on_the_surface_with_orthonormal_frames(name: str) -> None:
     texels = texels[random.permutation(len(texels))[:300]]
     area = area_vectors(scene.corners)
     unit = area / np.sqrt((area * area).sum(axis=1))[:, None]
-    # Some triangle holds it, up to rounding: distances from its plane, and from its edges inwards.
+    # Before some triangle it lies, on the front, by what the triangle and rounding ask for, and between its edges.
     rounding = float(np.abs(scene.corners).max()) * 2.0**-20
     corners = scene.corners.astype(np.float64)
     toward = texels["position"].astype(np.float64)[:, None, None] - corners
     edges = np.roll(corners, -1, axis=1) - corners
     edges /= np.sqrt((edges * edges).sum(axis=2))[..., None]
     inward = (np.cross(edges, toward) * unit[:, None]).sum(axis=3).min(axis=2)
-    plane = np.abs((toward[:, :, 0] * unit).sum(axis=2))
-    assert ((inward > -rounding) & (plane < rounding)).any(axis=1).all()
+    above = (toward[:, :, 0] * unit).sum(axis=2)
+    most = lift(scene.corners, unit.astype(np.float32)[:, None], scene.spans[:, None]).max(axis=1) + rounding / 8
+    assert ((inward > -rounding) & (above > 0) & (above < most)).any(axis=1).all()
     normal, tangent = texels["normal"].astype(np.float64), texels["tangent"].astype(np.float64)
     assert np.abs((normal * normal).sum(axis=1) - 1).max() < 4e-7
     assert np.abs((tangent * tangent).sum(axis=1) - 1).max() < 4e-7
@@ -273,7 +275,8 @@ def test_texel_records_by_brute_force() -> None:
     corners = np.concatenate([uv, np.zeros((1, 3, 1), dtype=np.float32)], axis=2)  # the surface is the map itself
     normals = np.broadcast_to(np.array([0, 0, 1], dtype=np.float32), (1, 3, 3))
     width, height, margin = 10, 9, 1.0 / 16
-    texels, chart = texel_records(corners, normals, uv, np.zeros(1, dtype=np.int32), width, height, margin)
+    span = np.zeros(1, dtype=np.float32)
+    texels, chart = texel_records(corners, normals, uv, np.zeros(1, dtype=np.int32), width, height, span, margin)
     grid = np.stack(np.meshgrid(np.linspace(0, 1, 400), np.linspace(0, 1, 400)), axis=-1).reshape(-1, 2)
     grid = grid[grid.sum(axis=1) <= 1]
     dense = uv[0, 0] + grid[:, :1] * (uv[0, 1] - uv[0, 0]) + grid[:, 1:] * (uv[0, 2] - uv[0, 0])

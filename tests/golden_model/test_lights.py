@@ -10,6 +10,7 @@ from golden_model.brute_force import trace_brute_force
 from golden_model.directions import cosine_table, tangent_of, to_world
 from golden_model.formats import POINT_LIGHT, RAY
 from golden_model.lights import WEIGHT_BITS, Lights, direct_candidates, lights_of, met_emission
+from golden_model.ray_offset import ray_start
 from golden_model.scene import Part, Scene, assemble, load_scene
 
 SEED = 20250103
@@ -183,7 +184,8 @@ def test_cornell_shadow_rays_reach_the_light_from_everywhere_they_can() -> None:
     corners = scene.corners[chosen].astype(np.float64)
     weights = np.stack([1 - u - v, u, v], axis=1)[..., None]
     position = (corners * (0.002 + 0.994 * weights)).sum(axis=1).astype(np.float32)
-    rays, weight = direct_candidates(lights_of(scene), position, scene.normals[chosen, 0], np.arange(count), samples=4)
+    start = ray_start(position, scene.normals[chosen, 0], scene.spans[chosen])
+    rays, weight = direct_candidates(lights_of(scene), start, scene.normals[chosen, 0], np.arange(count), samples=4)
     wanted = (rays["t_max"] > 0) & weight.any(axis=2)
     assert wanted.mean() > 0.7
     hits = trace_brute_force(room, rays[wanted], any_hit=True)

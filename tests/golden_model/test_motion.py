@@ -123,7 +123,7 @@ frame = 3
 intensity = [7, 0, 0]
 """
     scene = scene_of(tmp_path, ROOM + far)
-    assert scene.offset == scene.at(0).offset == scene.at(10).offset
+    assert (scene.spans == scene.at(10).spans).all()
     for frame in range(0, 13, 2):
         moved = scene.at(frame)
         assert np.nanmax(np.abs(moved.corners)) <= scene.reach

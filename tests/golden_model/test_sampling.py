@@ -28,11 +28,11 @@ def updates(texels: int, number: int | np.ndarray, seed: int = 3) -> Update:
 
 
 @pytest.mark.parametrize("directions", [1, 4, 16, 64])
-def test_indirect_rays_start_above_the_surface_and_go_up(directions: int) -> None:
+def test_indirect_rays_start_at_the_texel_and_go_up(directions: int) -> None:
     update = updates(50, 2)
-    rays = indirect_rays(update, directions, np.float32(0.25)).reshape(50, directions)
+    rays = indirect_rays(update, directions).reshape(50, directions)
     record = update.record[:, None]
-    assert np.allclose(rays["origin"], record["position"] + 0.25 * record["normal"], atol=1e-5)
+    assert (rays["origin"] == record["position"]).all()
     cosine = (rays["direction"] * record["normal"]).sum(axis=-1)
     assert (cosine > 0).all()
     assert np.allclose((rays["direction"] ** 2).sum(axis=-1), 1, atol=1e-6)
@@ -46,7 +46,7 @@ def test_successive_updates_run_through_the_whole_table() -> None:
     cosine = []
     for number in range(runs):
         update = updates(1, number)
-        rays = indirect_rays(update, directions, np.float32(0))
+        rays = indirect_rays(update, directions)
         cosine.append((rays["direction"] * update.record["normal"]).sum(axis=-1))
     together = np.concatenate(cosine).astype(np.float64)
     # Of the cosine distribution: the mean is 2/3, the mean square 1/2; 1024 heights stand in for it.
@@ -56,9 +56,9 @@ def test_successive_updates_run_through_the_whole_table() -> None:
 
 
 def test_neighbours_and_seeds_turn_differently() -> None:
-    one = indirect_rays(updates(40, 0), 16, np.float32(0))["direction"]
+    one = indirect_rays(updates(40, 0), 16)["direction"]
     assert len(np.unique(one.reshape(40, -1), axis=0)) == 40
-    other = indirect_rays(updates(40, 0, seed=4), 16, np.float32(0))["direction"]
+    other = indirect_rays(updates(40, 0, seed=4), 16)["direction"]
     assert (one != other).any()
 
 

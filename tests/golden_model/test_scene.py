@@ -93,12 +93,6 @@ def test_camera_path_starts_at_the_published_place_and_is_interpolated() -> None
         assert z < 0
 
 
-def test_rays_start_far_above_rounding_and_far_below_the_visible() -> None:
-    for scene in (load_scene("cornell-box"), load_scene(SCENES / "point-light.toml")):
-        largest = float(np.abs(scene.corners).max())
-        assert 2**-17 <= scene.offset / largest <= 2**-16
-
-
 # --- mesh files ---------------------------------------------------------------------------------------------------
 
 
