@@ -44,6 +44,12 @@ name = "panel"
 corners = [[-1, 0.1, 1.5], [1, 0.1, 1.5], [1, 0.1, -0.5], [-1, 0.1, -0.5]]
 material = "{surface}"
 """
+WINDOW = """
+[[quad]]
+name = "before the eye"
+corners = [[-9, -9, 3.5], [9, -9, 3.5], [9, 9, 3.5], [-9, 9, 3.5]]
+emission = [5, 5, 5]
+"""
 GLASS = """
 [[sphere]]
 center = [0, 1, 1]
@@ -309,6 +315,16 @@ def test_same_options_same_figures(cli: Run, tmp_path: Path, room: Path) -> None
     again = cli(*report["command"].split()[1:], "--out", tmp_path / "c", "--backend", "numpy", "--json")
     assert again.code == 0, again
     assert json.loads(again.out)["policies"][0]["summary"]["error"] == report["policies"][0]["summary"]["error"]
+
+
+def test_a_picture_of_nothing_but_a_lamp_has_no_figures(cli: Run, tmp_path: Path) -> None:
+    path = tmp_path / "lamp.toml"
+    path.write_text(ROOM.replace("[[quad]]", WINDOW + "[[quad]]", 1))
+    command = ["policies", path, "--frames", 2, "--size", "12x8", "--budget", 500, "--reference-rays", 8]
+    outcome = cli(*command, "--policies", "visibility", "--out", tmp_path / "out", "--backend", "numpy", "--json")
+    assert outcome.code == 0, outcome
+    row = json.loads(outcome.out)["policies"][0]["frames"][1]
+    assert [row[name] for name in ("counted", "error", "relative_mse", "flip")] == [0, None, None, None]
 
 
 def test_bad_input(cli: Run, tmp_path: Path, room: Path) -> None:
