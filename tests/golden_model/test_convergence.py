@@ -18,6 +18,7 @@ from golden_model.lightmap import VALID
 from golden_model.lights import lights_of
 from golden_model.paths import ObjectKey, ObjectPath
 from golden_model.policy import POLICIES
+from golden_model.ray_offset import ray_start
 from golden_model.renderer import Renderer
 from golden_model.sampling import Update, indirect_share, light_met, texel_rays
 from golden_model.scene import Part, Scene, assemble, load_scene
@@ -133,7 +134,8 @@ def direct_samples(
     floor = quad([[-4, 0, -4], [-4, 0, 4], [4, 0, 4], [4, 0, -4]])
     scene = assemble(name="lamp", where="lamp", parts=[part("floor", floor, 0), part("lamp", quad(lamp), 0, 1)])
     record = np.zeros(len(places), dtype=TEXEL)
-    record["position"], record["normal"] = places, (0, 1, 0)
+    record["normal"] = 0, 1, 0
+    record["position"] = ray_start(places.astype(np.float32), record["normal"], scene.spans[:1])
     record["tangent"] = tangent_of(record["normal"])
     lights, trace, fraction = lights_of(scene), Structure(scene).trace, fraction_bits(scene, balanced)
     samples = np.zeros((updates, len(places)))
@@ -145,7 +147,7 @@ def direct_samples(
         slot = np.concatenate([rays.indirect_slot, rays.shadow_slot[open_]])
         total = accumulate(slot, np.concatenate([met, rays.light[open_]]), len(places), fraction)
         row[:] = from_fixed(total, fraction)[:, 0]
-    truth = [lamberts_formula(np.array(place), np.array(lamp)) for place in record["position"].tolist()]
+    truth = [lamberts_formula(np.array(place), np.array(lamp)) for place in places.tolist()]
     return samples, np.array(truth)
 
 
