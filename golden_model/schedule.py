@@ -187,19 +187,19 @@ class _Simulation:
 
     def _settle(self) -> list[_Task]:
         """Begins and ends what can at this cycle, until nothing changes. Returns the tasks that units work on now."""
+        served: dict[tuple[str, bool], _Task] = {}
         while True:
             before = self._progress()
-            served: dict[tuple[str, bool], _Task] = {}
             for task in self._current():
                 if task.begin is None and task.left == 0 and task.ready(self.now):
                     task.begin = self.now
                 if task.finished():
                     task.end = self.now
                 elif task.left and (task.begin is not None or task.ready(self.now)):
-                    served.setdefault((task.resource, task.stage in MAINTENANCE), task)
-            for task in served.values():
-                if task.begin is None:
-                    task.begin = self.now
+                    # Whoever gets a unit keeps it until the next change: it has begun, for those that follow it, too.
+                    first = served.setdefault((task.resource, task.stage in MAINTENANCE), task)
+                    if first is task and task.begin is None:
+                        task.begin = self.now
             self.pending = [task for task in self.pending if task.end is None]
             self._show()
             if self._progress() == before:

@@ -1,10 +1,10 @@
 """Frames laid out in time: dependencies of FIG. 5, shares, frames in flight, versions of the lightmaps."""
 
 from collections import defaultdict
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from golden_model.machine import MAINTENANCE, STAGES, FrameCounts, Machine, RayCounts, load, work
@@ -59,7 +59,12 @@ def runs(draw: st.DrawFn) -> tuple[Machine, list[FrameCounts]]:
     return machine, draw(st.lists(COUNTS, min_size=1, max_size=6))
 
 
+ONE_RAY_EACH = replace(FrameCounts(), fragment_rays=RayCounts(any_hit=1), frame_rays=RayCounts(any_hit=1))
+"""Rays of two stages of a frame that come to the tracer in the same cycle."""
+
+
 @settings(deadline=None, max_examples=40, derandomize=True)
+@example((Machine(refresh_cycles=0, versions=1), [ONE_RAY_EACH] * 2))
 @given(runs())
 def test_every_schedule_keeps_the_rules(run: tuple[Machine, list[FrameCounts]]) -> None:
     machine, frames = run
