@@ -17,6 +17,7 @@ from golden_model.ray_offset import lift
 from golden_model.scene import Scene
 from golden_model.texel_records import MARGIN, texel_records, unit
 from golden_model.tracer import Trace
+from golden_model.unwrap_process import Unwrapper
 
 PLANAR_TRIANGLES = 512
 """Objects with more triangles are taken for curved meshes without looking for flat pieces."""
@@ -55,7 +56,8 @@ def unwrap(
             f"{scene.name}: texel_size {size:g} needs {area / size / size:.2g} texels, at most {MOST_TEXELS} are "
             f"possible; choose {np.sqrt(area / MOST_TEXELS):.2g} or more"
         )
-    objects = [_unwrap_object(scene, k, size, cache) for k in range(len(scene.object_names))]
+    with Unwrapper() as unwrapper:
+        objects = [_unwrap_object(scene, k, size, cache, unwrapper) for k in range(len(scene.object_names))]
     width = np.array([item.charts.width for item in objects], dtype=np.int32)
     height = np.array([item.charts.height for item in objects], dtype=np.int32)
     count = width.astype(np.int64) * height
@@ -86,22 +88,24 @@ def unwrap(
     return replace(lightmaps, deepest=deepest_levels(lightmaps))
 
 
-def object_charts(corners: np.ndarray, texel_size: float, cache: Path | None = None) -> ObjectCharts:
+def object_charts(
+    corners: np.ndarray, texel_size: float, cache: Path | None = None, unwrapper: Unwrapper | None = None
+) -> ObjectCharts:
     """Charts of one object's triangles (F, 3, 3): planar ones for flat geometry, else those of xatlas."""
     if len(corners) <= PLANAR_TRIANGLES:
         piece = planar_pieces(corners)
         pieces = int(piece.max()) + 1
         if pieces <= max(PLANAR_PIECES, len(corners) // 2):
             return planar_charts(corners, piece, texel_size)
-    return mesh_charts(corners, texel_size, cache)
+    return mesh_charts(corners, texel_size, cache, unwrapper)
 
 
-def _unwrap_object(scene: Scene, number: int, texel_size: float, cache: Path | None) -> _Object:
+def _unwrap_object(scene: Scene, number: int, texel_size: float, cache: Path | None, unwrapper: Unwrapper) -> _Object:
     members = scene.object_id == number
     if not scene.lightmapped[number]:
         return _empty_map(int(members.sum()))
     corners = scene.corners[members]
-    charts = object_charts(corners, texel_size, cache)
+    charts = object_charts(corners, texel_size, cache, unwrapper)
     span = scene.spans[members]
     if (path := scene.object_path[number]) is not None and not path.stays:
         # Texels and triangles are carried to a frame's pose each by itself: both round with the coordinates there.

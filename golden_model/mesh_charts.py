@@ -4,21 +4,25 @@ The charts are part of the scene's data, not of the numeric contract: xatlas is 
 any number of threads, but its float arithmetic is the host's.
 """
 
-import ctypes
 import hashlib
 import importlib.metadata
 import os
 import zipfile
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 
 from golden_model.errors import InputError
 from golden_model.outputs import whole_file
-from golden_model.planar_charts import GAP, ObjectCharts
+from golden_model.planar_charts import GAP, ObjectCharts, pack, planar_charts, planar_pieces
+from golden_model.unwrap_process import Unwrapper
 
 VERSION = 1
 """Part of the key on disk; rises when this file makes other charts of the same mesh."""
+
+FEWEST_TRIANGLES = 512
+"""A piece of a mesh with no more triangles is not cut again where xatlas fails on it: it gets a chart a flat piece."""
 
 
 def default_cache() -> Path:
@@ -27,14 +31,15 @@ def default_cache() -> Path:
     return Path(own) if own else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lightloom"
 
 
-def mesh_charts(corners: np.ndarray, texel_size: float, cache: Path | None = None) -> ObjectCharts:
+def mesh_charts(
+    corners: np.ndarray, texel_size: float, cache: Path | None = None, unwrapper: Unwrapper | None = None
+) -> ObjectCharts:
     """(F, 3, 3) float32 corners to charts with texels of about `texel_size`.
 
     With `cache` (a folder) charts are looked up by a hash of everything they depend on, and kept there. A damaged entry
-    is made again; a folder that cannot be written is no error.
+    is made again; a folder that cannot be written is no error. `unwrapper` is one that is already there.
     """
-    points, index = np.unique(corners.reshape(-1, 3) + np.float32(0), axis=0, return_inverse=True)
-    faces = np.ascontiguousarray(index.reshape(-1, 3).astype(np.uint32))
+    points, faces = _indexed(corners)
     settings = repr((VERSION, GAP, importlib.metadata.version("xatlas"), texel_size, faces.shape, points.shape))
     key = hashlib.sha256(settings.encode() + points.tobytes() + faces.tobytes()).hexdigest()
     kept = cache / "charts" / f"{key}.npz" if cache is not None else None
@@ -42,32 +47,52 @@ def mesh_charts(corners: np.ndarray, texel_size: float, cache: Path | None = Non
         found = _read(kept, len(faces))
         if found is not None:
             return found
-    made = _unwrap(points, faces, texel_size)
+    with nullcontext(unwrapper) if unwrapper is not None else Unwrapper() as process:
+        made = _unwrap(corners, texel_size, process)
     if kept is not None:
         _write(kept, made)
     return made
 
 
-def _unwrap(points: np.ndarray, faces: np.ndarray, texel_size: float) -> ObjectCharts:
-    import xatlas  # only scenes with curved meshes need it
+def _indexed(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points (P, 3) float32 and faces (F, 3) uint32: equal positions are one point."""
+    points, index = np.unique(corners.reshape(-1, 3) + np.float32(0), axis=0, return_inverse=True)
+    return points, np.ascontiguousarray(index.reshape(-1, 3).astype(np.uint32))
 
+
+def _unwrap(corners: np.ndarray, texel_size: float, process: Unwrapper) -> ObjectCharts:
+    """The charts of xatlas; of a mesh on which it fails those of its halves, and so on."""
+    points, faces = _indexed(corners)
     # xatlas drops triangles by absolute thresholds of size, so it sees the mesh measured in texels.
-    atlas = xatlas.Atlas()
-    # Never destroyed, not even at the interpreter's end: its destructor wakes its worker threads without holding their
-    # lock, so that on a busy machine one can miss it, and the destructor then waits for that thread for ever.
-    ctypes.pythonapi.Py_IncRef(ctypes.py_object(atlas))
-    atlas.add_mesh((points.astype(np.float64) / texel_size).astype(np.float32), faces)
-    packing = xatlas.PackOptions()
-    packing.texels_per_unit = 1.0
-    packing.padding = GAP
-    packing.bilinear = True
-    atlas.generate(xatlas.ChartOptions(), packing)
-    _, new_faces, uv = atlas.get_mesh(0)
-    size = np.array([atlas.width, atlas.height], dtype=np.float32)
-    chart = np.full(len(faces), -1, dtype=np.int32)
-    for k in range(atlas.get_mesh_chart_count(0)):
-        chart[atlas.get_mesh_chart(0, k).faces] = k
-    return _with_strays(points, faces, np.asarray(uv)[new_faces] * size, chart, atlas.width, atlas.height)
+    made = process.charts((points.astype(np.float64) / texel_size).astype(np.float32), faces, GAP)
+    if made is not None:
+        width, height = (int(n) for n in made["size"])
+        return _with_strays(points, faces, made["uv"], made["chart"], width, height)
+    if len(corners) <= FEWEST_TRIANGLES:
+        return planar_charts(corners, planar_pieces(corners), texel_size)
+    members = _halves(corners)
+    return _side_by_side(members, [_unwrap(corners[half], texel_size, process) for half in members])
+
+
+def _halves(corners: np.ndarray) -> list[np.ndarray]:
+    """The triangles on either side of the middle one, along the axis in which they reach farthest."""
+    wide = corners.astype(np.float64)
+    centre = (wide[:, 0] + wide[:, 1]) + wide[:, 2]
+    order = np.argsort(centre[:, np.argmax(np.ptp(centre, axis=0))], kind="stable")
+    return [np.sort(half) for half in np.array_split(order, 2)]
+
+
+def _side_by_side(members: list[np.ndarray], pieces: list[ObjectCharts]) -> ObjectCharts:
+    """The maps of pieces of a mesh, whose triangles are `members`, in one map."""
+    place, width, height = pack(np.array([[piece.width, piece.height] for piece in pieces]))
+    faces = sum(len(piece.chart) for piece in pieces)
+    uv, chart = np.zeros((faces, 3, 2), dtype=np.float32), np.zeros(faces, dtype=np.int32)
+    before = 0
+    for mine, piece, corner in zip(members, pieces, place, strict=True):
+        uv[mine] = piece.uv + corner.astype(np.float32)
+        chart[mine] = piece.chart + before
+        before += int(piece.chart.max()) + 1
+    return ObjectCharts(width, height, uv, chart)
 
 
 def _with_strays(
