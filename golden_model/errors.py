@@ -1,4 +1,6 @@
-"""The one exception for bad input."""
+"""What is said of input: the one exception for input that cannot be used, and warnings of what was made of the rest."""
+
+import warnings
 
 
 class InputError(Exception):
@@ -6,3 +8,15 @@ class InputError(Exception):
 
     The command line prints it and exits with code 2; it is never raised for a fault of Lightloom's own.
     """
+
+
+class InputWarning(UserWarning):
+    """Something in the user's input was left out or changed. The message is one line that names the file and what.
+
+    The command line prints it on stderr, once; in Python it is a warning like any other.
+    """
+
+
+def warn(message: str) -> None:
+    """Says what was left out or changed."""
+    warnings.warn(message, InputWarning, stacklevel=3)

@@ -1,8 +1,11 @@
-"""What is done to every mesh: checks that a part of a scene can be used, and normals for shading."""
+"""What is done to every mesh: what of a part of a scene can be used, and normals for shading."""
+
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from golden_model.errors import InputError
+from golden_model.errors import InputError, warn
 from golden_model.points import numbered
 from golden_model.scene import Part
 
@@ -65,19 +68,53 @@ def without_area(corners: np.ndarray) -> np.ndarray:
     return np.sqrt(dot(area, area)) <= dot(edges, edges).max(axis=1) * 2.0**-40
 
 
+def with_area(part: Part) -> Part:
+    """The part without its triangles without area, of which real meshes have some."""
+    keep = ~without_area(part.corners)
+    if keep.all():
+        return part
+    return replace(
+        part,
+        corners=part.corners[keep],
+        material=part.material[keep],
+        normals=None if part.normals is None else part.normals[keep],
+        texture_uv=None if part.texture_uv is None else part.texture_uv[keep],
+    )
+
+
+def usable_parts(parts: Sequence[Part], where: str) -> list[Part]:
+    """Parts without their triangles without area, and without those that then have none; what is left out is said.
+
+    Raises InputError for vertices and materials that cannot be used, and where nothing is left; `where` begins it.
+    """
+    forms = [(part.name, form) for part in parts for form in (part, part.coarse) if form is not None]
+    for name, form in forms:
+        check_part(form, f"{where}: {name}" if len(parts) > 1 else where)
+    flat = [(name, without_area(form.corners)) for name, form in forms]
+    total = sum(int(mask.sum()) for _, mask in flat)
+    left = [replace(with_area(part), coarse=_coarse_with_area(part)) for part in parts]
+    if total:
+        name, first = next((name, _first(mask)) for name, mask in flat if mask.any())
+        said = f"{where}: {total} triangle{'s' if total > 1 else ''} without area (first: triangle {first} of {name})"
+        gone = ", ".join(part.name for part in left if not len(part.corners))
+        if not any(len(part.corners) for part in left):
+            raise InputError(f"{said} and no other; a scene needs at least one")
+        warn(f"{said} left out{gone and f', with which nothing is left of {gone}'}")
+    return [part for part in left if len(part.corners)]
+
+
+def _coarse_with_area(part: Part) -> Part | None:
+    coarse = None if part.coarse is None else with_area(part.coarse)
+    return coarse if coarse is not None and len(coarse.corners) else None
+
+
 def check_part(part: Part, where: str) -> None:
-    """Raises InputError for vertices, triangles and materials that cannot be used; `where` begins the message."""
+    """Raises InputError for vertices and materials that cannot be used; `where` begins the message."""
     finite = np.isfinite(part.corners).all(axis=(1, 2))
     if not finite.all():
         raise InputError(
             f"{where}: {_count(~finite)} with a vertex that is NaN or infinite "
             f"(first: triangle {_first(~finite)}); correct or remove the vertices"
-        )
-    flat = without_area(part.corners)
-    if flat.any():
-        raise InputError(
-            f"{where}: {_count(flat)} without area (first: triangle {_first(flat)}); "
-            "remove them (mesh editors: merge by distance, dissolve degenerate faces)"
         )
     if not (np.isfinite(part.albedo).all() and (part.albedo >= 0).all() and (part.albedo <= 1).all()):
         raise InputError(f"{where}: an albedo lies outside 0 to 1")

@@ -340,14 +340,14 @@ def assemble(
 ) -> Scene:
     """Parts to a scene at rest, each part one object. `where` (a file, an option) begins every InputError.
 
-    Without `camera` the scene gets one that frames it, without `texel_size` a 64th of its longest side.
+    Without `camera` the scene gets one that frames it, without `texel_size` a 64th of its longest side. Triangles
+    without area are left out, with an InputWarning.
     """
-    from golden_model.mesh import check_part
+    from golden_model.mesh import usable_parts
 
     if not any(len(part.corners) for part in parts):
         raise InputError(f"{where}: no triangles; a scene needs at least one")
-    for part in parts:
-        check_part(part, f"{where}: {part.name}" if len(parts) > 1 else where)
+    parts = usable_parts(parts, where)
     corners = np.concatenate([part.corners for part in parts]).astype(np.float32)
     low, high = corners.min(axis=(0, 1)).astype(np.float64), corners.max(axis=(0, 1)).astype(np.float64)
     if np.abs(corners).max() > LARGEST or (high - low).max() < SMALLEST:

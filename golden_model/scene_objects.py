@@ -9,7 +9,7 @@ import numpy as np
 from golden_model.coarse import decimated
 from golden_model.cornell_box import BLOCKS, PART_NAMES, ROOM, cornell_box_parts
 from golden_model.errors import InputError
-from golden_model.mesh import check_part
+from golden_model.mesh import check_part, with_area
 from golden_model.mesh_files import determinant, load_mesh, transformed
 from golden_model.scene import DEFAULT_ALBEDO, DEFAULT_IOR, DIFFUSE, GLASS, MIRROR, Part, vector
 from golden_model.scene_paths import PATH, object_path
@@ -166,7 +166,7 @@ class Objects:
                 raise InputError(f"{table.where}: `coarse_ratio` must lie between 0 and 1, not {ratio:g}")
             for part in parts:
                 check_part(part, f"{table.where}: {part.name}")  # the reduction is for sound meshes
-            return [replace(part, coarse=decimated(part, ratio)) for part in parts]
+            return [replace(part, coarse=decimated(with_area(part), ratio)) for part in parts]
         return parts
 
     def _like(self, table: Table, coarse: Part, fine: Part) -> Part:

@@ -1,20 +1,23 @@
 """The `lightloom` command: what every subcommand shares is here, each of them is a module of `lightloom.commands`.
 
 Exit codes: 0 done; 1 a comparison found a difference; 2 bad input, said in one line on stderr; 70 a fault of
-Lightloom's own, with its traceback; 130 interrupted. Whatever the code, outputs are whole or not there.
+Lightloom's own, with its traceback; 130 interrupted. Whatever the code, outputs are whole or not there. What is left
+out of the input is said in a line on stderr too, and changes no code.
 """
 
 import os
 import signal
 import sys
 import traceback
-from collections.abc import Sequence
-from typing import Annotated
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Annotated, Any
 
 import typer
 from typer.main import get_command
 
-from golden_model.errors import InputError
+from golden_model.errors import InputError, InputWarning
 from lightloom.commands import (
     bench,
     compare,
@@ -80,10 +83,32 @@ def _lightloom(
     """Options before the command's name."""
 
 
+@contextmanager
+def _warnings_said() -> Iterator[None]:
+    """What was left out of the input is said in a line on stderr each, the same line once."""
+    said: set[str] = set()
+
+    def show(message: Warning | str, category: type[Warning], *where: Any) -> None:
+        if not issubclass(category, InputWarning):
+            others(message, category, *where)
+        elif str(message) not in said:
+            said.add(str(message))
+            print(f"warning: {' '.join(str(message).split())}", file=sys.stderr)
+
+    with warnings.catch_warnings():
+        others = warnings.showwarning
+        warnings.simplefilter("always", InputWarning)
+        warnings.showwarning = show
+        yield
+
+
 def run(arguments: Sequence[str]) -> int:
     """Runs one command line (without the program's name) and returns its exit code."""
     try:
-        code = get_command(app).main(args=list(arguments) or ["--help"], prog_name="lightloom", standalone_mode=False)
+        with _warnings_said():
+            code = get_command(app).main(
+                args=list(arguments) or ["--help"], prog_name="lightloom", standalone_mode=False
+            )
         sys.stdout.flush()
         return code or 0
     except (InputError, typer.TyperException) as error:

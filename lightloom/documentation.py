@@ -22,6 +22,8 @@ PREAMBLE = """\
   (8-bit pictures are for the eye and may differ by one step; charts of curved meshes depend on the build of xatlas.)
 - **Exit codes**: 0 done; 1 a comparison found a difference; 2 bad input, said in one line that begins with `error:`;
   130 interrupted; 70 a fault of Lightloom's own, with a traceback.
+- **What is left out of the input**, or changed, is said on stderr in a line that begins with `warning:`; the exit code
+  stays 0.
 
 Array files are NumPy's `.npz`: N rays or points, float32 unless said otherwise.
 

@@ -306,7 +306,7 @@ CAMERA = QUAD + "[camera]\nposition=[0,0,5]\ntarget=[0,0,0]\n"
         ("[[mesh]]\nbuiltin='floor'\nrotate=[0,0,0,0]\n", "`rotate` must not be all zero"),
         (QUAD.replace("[0,1,0]]", "[0,1]]"), r"\[\[quad\]\] 1, corner 4: `point` must be 3 numbers"),
         ("[[quad]]\ncorners=[[0,0,0]]\n", "`corners` must be four points"),
-        ("[[quad]]\ncorners=[[0,0,0],[1,0,0],[2,0,0],[3,0,0]]\n", "2 triangles without area"),
+        ("[[quad]]\ncorners=[[0,0,0],[1,0,0],[2,0,0],[3,0,0]]\n", "2 triangles without area .* and no other; a scene"),
         (QUAD + "[[point_light]]\nposition=[0,0,1]\n", r"\[\[point_light\]\] 1: `intensity` is missing"),
         (QUAD + "[[point_light]]\nposition=[0,0,1]\nintensity=[0,-1,0]\n", "`intensity` must not be negative"),
         (QUAD + "[camera]\nposition=[0,0,1]\n", r"\[camera\]: `target` is missing"),
@@ -357,7 +357,6 @@ def test_unknown_scenes_and_files() -> None:
         (("f 4 3 2 1", "f 4 3 2 -9"), "line 13: a face names a vertex or normal that does not exist"),
         (("f 4 3 2 1", "f 4 3"), "line 13: a face needs three or more corners"),
         (("f 4 3 2 1", "f 4 3 /"), "line 13: '/' is not a corner of a face"),
-        (("f 4 3 2 1", "f 4 4 2 1"), "cube: 1 triangle without area .first: triangle 0.; remove them"),
         (("usemtl lamp", "usemtl lamb"), "material lamb is not defined"),
         (("mtllib cube.mtl", "mtllib cubic.mtl"), "line 2: material file .*cubic.mtl is missing"),
         (("f ", "g "), "no triangles"),
@@ -411,13 +410,10 @@ def test_cut_and_garbled_files_never_pass_for_whole_ones(tmp_path: Path, kind: s
         assert str(path) in refusal(path)
 
 
-def test_nan_and_degenerate_triangles_in_binary_files(tmp_path: Path) -> None:
+def test_nan_in_binary_files(tmp_path: Path) -> None:
     mesh = trimesh.creation.icosphere(subdivisions=1)
-    vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
-    faces[7] = faces[7][[0, 1, 1]]
-    path = tmp_path / "ball.ply"
-    path.write_bytes(_exported(trimesh.Trimesh(vertices, faces, process=False), "ply", "binary"))
-    assert refusal(path).startswith(f"{path}: 1 triangle without area (first: triangle 7); remove")
+    vertices = np.array(mesh.vertices)
     vertices[3, 1] = np.nan
+    path = tmp_path / "ball.ply"
     path.write_bytes(_exported(trimesh.Trimesh(vertices, mesh.faces, process=False), "ply", "binary"))
     assert re.match(rf"{re.escape(str(path))}: \d triangles with a vertex that is NaN", refusal(path))

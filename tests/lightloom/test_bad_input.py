@@ -1,6 +1,7 @@
 """Bad input: one clear line, exit code 2, nothing half-written."""
 
 import errno
+import json
 import resource
 import subprocess
 import zipfile
@@ -84,6 +85,21 @@ def test_unusable_mesh(cli: Run, tmp_path: Path, content: str, words: tuple[str,
     path = tmp_path / "mesh.obj"
     path.write_text(content)
     refused_everywhere(cli, tmp_path, path, "mesh.obj", *words)
+
+
+def test_what_is_left_out_is_said_once(cli: Run, tmp_path: Path) -> None:
+    """In a line on stderr, whatever the command; stdout stays what it is, and the code 0."""
+    path = tmp_path / "mesh.obj"
+    path.write_text(TRIANGLE + "f 1 2 2\n")
+    scene = tmp_path / "scene.toml"
+    scene.write_text(2 * "[[mesh]]\nfile = 'mesh.obj'\n")
+    rays = save(tmp_path / "rays.npz", **RAYS)
+    for name, number in ((path, "1 triangle"), (scene, "2 triangles")):
+        done = cli("trace", name, "--rays", rays, "--out", tmp_path / "hits.npz", "--json")
+        assert done.code == 0
+        lines = [line for line in done.err.splitlines() if line.startswith("warning: ")]
+        assert lines == [f"warning: {name}: {number} without area (first: triangle 1 of mesh) left out"]
+        assert json.loads(done.out)
 
 
 def test_no_light(cli: Run, tmp_path: Path) -> None:
