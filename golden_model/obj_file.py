@@ -1,32 +1,39 @@
-"""Wavefront OBJ with its MTL: a strict reader that says which line cannot be used.
+"""Wavefront OBJ: a strict reader that says which line cannot be used.
 
 (General loaders let NaN, missing materials and indices out of range pass, or fail far from the line at fault.)
-Read are `v`, `vn`, `f` (polygons become fans of triangles, negative indices count back), `o` (an object each), `usemtl`
-and `mtllib` with `Kd` (albedo) and `Ke` (emission). All else is ignored.
+Read are `v`, `vn`, `vt`, `f` (polygons become triangles, negative indices count back), `o` (an object each), `usemtl`
+and `mtllib`. What else would be seen is said to be left out; groups, smoothing and comments are ignored.
 """
 
-import itertools
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from golden_model.errors import InputError
+from golden_model.errors import InputError, warn
+from golden_model.left_out import LeftOut
 from golden_model.mesh import dot
-from golden_model.scene import DEFAULT_ALBEDO, Part
+from golden_model.mtl_file import Colours, Materials
+from golden_model.polygons import triangulated
+from golden_model.scene import Part
+from golden_model.wavefront import lines
 
-Colours = tuple[list[float], list[float]]
-"""Albedo and emission."""
+SEEN = frozenset(("l", "p", "curv", "curv2", "surf", "call", "usemap"))
+"""Words for what would be seen: lines, points, curves and curved surfaces, other files, textures."""
 
 
-class _Triangles:
-    """The triangles of one object: vertex, normal and texture indices of the corners (-1: none), material, line."""
+MOST = 2**31
+"""Numbers of vertices that a face may name before they are known; no file holds so many."""
+
+
+class _Faces:
+    """The faces of one object."""
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.vertices: list[tuple[int, int, int]] = []
-        self.normals: list[tuple[int, int, int]] = []
-        self.textures: list[tuple[int, int, int]] = []
+        self.corners: list[tuple[int, int, int]] = []
+        """Numbers of vertex, normal and texture point, -1 for none, of all faces' corners."""
+        self.sizes: list[int] = []
+        """Corners of each face; the rest is of each face too."""
         self.material: list[str] = []
         self.line: list[int] = []
 
@@ -36,68 +43,86 @@ def load_obj(path: Path) -> list[Part]:
     vertices: list[list[float]] = []
     normals: list[list[float]] = []
     coordinates: list[list[float]] = []
-    materials: dict[str, Colours] = {"": (list(DEFAULT_ALBEDO), [0.0, 0.0, 0.0])}
-    objects = [_Triangles(path.stem)]
+    left_out = LeftOut(path)
+    materials = Materials(path)
+    objects = [_Faces(path.stem)]
     material = ""
-    for line, key, values in _lines(path):
+    for line, key, text in lines(path):
         where = f"{path}, line {line}"
+        values = text.split()
         if key == "v":
             vertices.append(_three(where, key, values))
+            if len(values) >= 6:
+                left_out.add("colours of vertices")
         elif key == "vn":
             normals.append(_three(where, key, values))
         elif key == "vt":
             coordinates.append(_two(where, key, values))
         elif key == "f":
-            corners = [_corner(where, word, len(vertices), len(normals), len(coordinates)) for word in values]
-            if len(corners) < 3:
+            if len(values) < 3:
                 raise InputError(f"{where}: a face needs three or more corners; the file may be cut off")
-            for second, third in itertools.pairwise(corners[1:]):
-                objects[-1].vertices.append((corners[0][0], second[0], third[0]))
-                objects[-1].normals.append((corners[0][1], second[1], third[1]))
-                objects[-1].textures.append((corners[0][2], second[2], third[2]))
-                objects[-1].material.append(material)
-                objects[-1].line.append(line)
+            faces = objects[-1]
+            faces.corners += [_corner(where, word, len(vertices), len(normals), len(coordinates)) for word in values]
+            faces.sizes.append(len(values))
+            faces.material.append(material)
+            faces.line.append(line)
         elif key == "o":
-            objects.append(_Triangles(" ".join(values) or path.stem))
+            objects.append(_Faces(text or path.stem))
         elif key == "usemtl":
-            material = " ".join(values)
-            if material not in materials:
-                raise InputError(f"{where}: material {material} is not defined; name its .mtl file in a mtllib line")
+            material = text
+            materials.use(material, line)
         elif key == "mtllib":
-            materials.update(_load_mtl(path.parent / " ".join(values), where))
+            materials.load(text, line)
+        elif key in SEEN:
+            left_out.add(f"`{key}`")
+    left_out.say()
+    colours = materials.colours()
     points = np.array(vertices, dtype=np.float64).reshape(-1, 3)
     directions = np.array(normals, dtype=np.float64).reshape(-1, 3)
     pictured = np.array(coordinates, dtype=np.float64).reshape(-1, 2)
-    return [_part(path, item, points, directions, pictured, materials) for item in objects if item.vertices]
+    crossing: list[int] = []
+    parts = [_part(path, item, points, directions, pictured, colours, crossing) for item in objects if item.sizes]
+    if crossing:
+        warn(
+            f"{path}: faces that cross themselves, {len(crossing)} in all (first: line {min(crossing)}), are cut into "
+            "triangles as well as can be"
+        )
+    return parts
 
 
 def _part(
     path: Path,
-    item: _Triangles,
+    item: _Faces,
     points: np.ndarray,
     directions: np.ndarray,
     coordinates: np.ndarray,
-    materials: dict[str, Colours],
+    colours: dict[str, Colours],
+    crossing: list[int],
 ) -> Part:
-    index = np.array(item.vertices)
-    outside = ((index < 0) | (index >= len(points))).any(axis=1)
+    """`crossing` gets the lines of faces that cross themselves."""
+    corners, sizes = np.array(item.corners), np.array(item.sizes)
+    outside = (corners[:, 0] < 0) | (corners[:, 0] >= len(points))
     if outside.any():
+        face = int(np.repeat(np.arange(len(sizes)), sizes)[np.argmax(outside)])
         raise InputError(
-            f"{path}, line {item.line[int(np.argmax(outside))]}: a face names a vertex that does not exist; "
-            f"the file has {len(points)}"
+            f"{path}, line {item.line[face]}: a face names a vertex that does not exist; the file has {len(points)}"
         )
+    triangles = triangulated(points, corners[:, 0], sizes)
+    crossing += [item.line[face] for face in triangles.crossing]
+    index = corners[triangles.corner]
     names = list(dict.fromkeys(item.material))
     number = {name: k for k, name in enumerate(names)}
+    of_face = np.array([number[name] for name in item.material], dtype=np.int32)
     with np.errstate(over="ignore"):
-        corners = points[index].astype(np.float32)
+        rounded = points[index[..., 0]].astype(np.float32)
     return Part(
         name=item.name,
-        corners=corners,
-        normals=_unit_normals(directions, np.array(item.normals)),
-        albedo=np.array([materials[name][0] for name in names], dtype=np.float32),
-        emission=np.array([materials[name][1] for name in names], dtype=np.float32),
-        material=np.array([number[name] for name in item.material], dtype=np.int32),
-        texture_uv=_texture_coordinates(coordinates, np.array(item.textures)),
+        corners=rounded,
+        normals=_unit_normals(directions, index[..., 1]),
+        albedo=np.array([colours[name][0] for name in names], dtype=np.float32),
+        emission=np.array([colours[name][1] for name in names], dtype=np.float32),
+        material=of_face[triangles.face],
+        texture_uv=_texture_coordinates(coordinates, index[..., 2]),
     )
 
 
@@ -118,38 +143,6 @@ def _texture_coordinates(coordinates: np.ndarray, index: np.ndarray) -> np.ndarr
     with np.errstate(over="ignore"):
         chosen = coordinates[index].astype(np.float32)
     return chosen if np.isfinite(chosen).all() else None
-
-
-def _load_mtl(path: Path, where: str) -> dict[str, Colours]:
-    """Materials by name. Raises InputError."""
-    if not path.is_file():
-        raise InputError(f"{where}: material file {path} is missing; put it there or remove the mtllib line")
-    out: dict[str, Colours] = {}
-    name = None
-    for line, key, values in _lines(path):
-        if key == "newmtl":
-            name = " ".join(values)
-            out[name] = (list(DEFAULT_ALBEDO), [0.0, 0.0, 0.0])
-        elif key in ("Kd", "Ke") and name is not None:
-            out[name][key == "Ke"][:] = _three(f"{path}, line {line}", key, values)
-    return out
-
-
-def _lines(path: Path) -> Iterator[tuple[int, str, list[str]]]:
-    """(line number, first word, other words) of every line that holds something; a backslash joins lines."""
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-    pending: list[str] = []
-    for number, line in enumerate(text.splitlines(), start=1):
-        words = line.split("#", 1)[0].split()
-        if words and words[-1] == "\\":
-            pending += words[:-1]
-            continue
-        words, pending = pending + words, []
-        if words:
-            yield number, words[0], words[1:]
 
 
 def _three(where: str, key: str, values: list[str]) -> list[float]:
@@ -177,7 +170,8 @@ def _corner(where: str, word: str, vertices: int, normals: int, coordinates: int
         texture = int(parts[1]) if len(parts) > 1 and parts[1] else 0
     except ValueError:
         raise InputError(f"{where}: {word!r} is not a corner of a face; the file may be damaged or cut off") from None
-    if vertex == 0 or vertex < -vertices or normal < -normals or texture < -coordinates:
+    absent = vertex == 0 or vertex < -vertices or normal < -normals or texture < -coordinates
+    if absent or max(vertex, normal, texture) > MOST:
         raise InputError(f"{where}: a face names a vertex or normal that does not exist; numbers begin with 1")
     return (
         vertex - 1 if vertex > 0 else vertices + vertex,

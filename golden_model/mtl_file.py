@@ -1,0 +1,118 @@
+"""Wavefront MTL, the materials of an OBJ file: `Kd` is the albedo, `Ke` the emission.
+
+What is missing or out of range is said, and a default takes its place: OBJ files are passed around without their
+materials, and programs write colours that are a rounding error too large.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from golden_model.errors import InputError, warn
+from golden_model.left_out import LeftOut
+from golden_model.scene import DEFAULT_ALBEDO
+from golden_model.wavefront import lines
+
+Colours = tuple[list[float], list[float]]
+"""Albedo and emission."""
+
+NEUTRAL = {"Ks": 0.0, "d": 1.0, "Tr": 0.0, "Tf": 1.0, "Pm": 0.0, "Pc": 0.0, "Ps": 0.0}
+"""What is not read, with the value that leaves a surface as it is without."""
+
+PICTURES = re.compile(r"map_|bump|disp|decal|refl|norm")
+"""How the words for textures begin."""
+
+
+class Materials:
+    """The materials of an OBJ file by name, from all its material files."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._read: dict[str, Colours] = {}
+        self._used: dict[str, int] = {}
+
+    def use(self, name: str, line: int) -> None:
+        """Notes a `usemtl`; the file may name its material file only later."""
+        if name:
+            self._used.setdefault(name, line)
+
+    def load(self, text: str, line: int) -> None:
+        """Reads the files of a `mtllib` line. Raises InputError for one that is damaged."""
+        for name in _file_names(self.path.parent, text):
+            file = self.path.parent / name
+            if file.is_file():
+                self._read |= _load_mtl(file)
+            else:
+                warn(f"{self.path}, line {line}: material file {file} is missing; its materials become grey")
+
+    def colours(self) -> dict[str, Colours]:
+        """Of all materials, "" the one that no file names; those that are used but nowhere defined are grey."""
+        grey: Colours = (list(DEFAULT_ALBEDO), [0.0, 0.0, 0.0])
+        missing = [name for name in self._used if name not in self._read]
+        if missing:
+            shown = ", ".join(f"{name} (line {self._used[name]})" for name in missing[:3])
+            more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+            warn(f"{self.path}: material {shown}{more} is defined nowhere; it becomes grey")
+        return dict.fromkeys(missing, grey) | self._read | {"": grey}
+
+
+def _file_names(folder: Path, text: str) -> list[str]:
+    """The names in a `mtllib` line: blanks separate them, and may be part of one."""
+    if not text:
+        return []
+    text = text.replace("\\", "/")
+    if (folder / text).is_file():
+        return [text]
+    return re.findall(r"\S.*?\.mtl(?=\s|$)", text, flags=re.IGNORECASE) or text.split()
+
+
+def _load_mtl(path: Path) -> dict[str, Colours]:
+    """Materials by name. Raises InputError."""
+    out: dict[str, Colours] = {}
+    left_out = LeftOut(path)
+    clamped: list[str] = []
+    twice: list[str] = []
+    colours: Colours | None = None
+    for line, key, text in lines(path):
+        where = f"{path}, line {line}"
+        if key == "newmtl":
+            twice += [text] if text in out else []
+            out[text] = colours = (list(DEFAULT_ALBEDO), [0.0, 0.0, 0.0])
+        elif colours is None:
+            continue
+        elif key in ("Kd", "Ke"):
+            colour = _colour(where, key, text.split())
+            inside = np.clip(colour, 0, 1 if key == "Kd" else None)  # keeps NaN, which is refused later
+            if (inside != colour).any() and not np.isnan(colour).any():
+                clamped.append(f"line {line}: {key} {text}")
+            colours[key == "Ke"][:] = inside.tolist()
+        elif PICTURES.match(key) or (key in NEUTRAL and _differs(text, NEUTRAL[key])):
+            left_out.add(f"`{key}`")
+    left_out.say()
+    if clamped:
+        number = f"{len(clamped)} colour{'s' if len(clamped) > 1 else ''}"
+        warn(f"{path}: {number} out of range (first: {clamped[0]}) brought to the nearest that can be")
+    if twice:
+        warn(f"{path}: material {', '.join(dict.fromkeys(twice))} is defined twice; the last one counts")
+    return out
+
+
+def _colour(where: str, key: str, values: list[str]) -> np.ndarray:
+    """Red, green, blue; one number is a grey."""
+    try:
+        red, green, blue = (float(word) for word in (values * 3 if len(values) == 1 else values[:3]))
+    except ValueError:
+        raise InputError(f"{where}: `{key}` needs one or three numbers; the file may be damaged or cut off") from None
+    return np.array([red, green, blue])
+
+
+def _differs(text: str, neutral: float) -> bool:
+    """Whether any of the numbers is another one; words that are no numbers say nothing."""
+    for word in text.split():
+        try:
+            if float(word) != neutral:
+                return True
+        except ValueError:
+            continue
+    return False
