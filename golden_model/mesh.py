@@ -31,6 +31,13 @@ def area_vectors(corners: np.ndarray) -> np.ndarray:
     return cross(wide[:, 1] - wide[:, 0], wide[:, 2] - wide[:, 0])
 
 
+def unit_normals(directions: np.ndarray) -> np.ndarray | None:
+    """Directions (..., 3) float64 made float32 of unit length; None where one has none."""
+    with np.errstate(all="ignore"):
+        unit = directions / np.sqrt(dot(directions, directions))[..., None]
+    return unit.astype(np.float32) if np.isfinite(unit).all() else None
+
+
 def shading_normals(corners: np.ndarray) -> np.ndarray:
     """(F, 3, 3) corners to unit normals at the corners, (F, 3, 3) float32.
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.errors import InputError, warn
-from golden_model.left_out import LeftOut
+from golden_model.remarks import Remarks
 from golden_model.scene import DEFAULT_ALBEDO
 from golden_model.wavefront import lines
 
@@ -70,8 +70,7 @@ def _file_names(folder: Path, text: str) -> list[str]:
 def _load_mtl(path: Path) -> dict[str, Colours]:
     """Materials by name. Raises InputError."""
     out: dict[str, Colours] = {}
-    left_out = LeftOut(path)
-    clamped: list[str] = []
+    remarks = Remarks(path)
     twice: list[str] = []
     colours: Colours | None = None
     for line, key, text in lines(path):
@@ -83,16 +82,11 @@ def _load_mtl(path: Path) -> dict[str, Colours]:
             continue
         elif key in ("Kd", "Ke"):
             colour = _colour(where, key, text.split())
-            inside = np.clip(colour, 0, 1 if key == "Kd" else None)  # keeps NaN, which is refused later
-            if (inside != colour).any() and not np.isnan(colour).any():
-                clamped.append(f"line {line}: {key} {text}")
-            colours[key == "Ke"][:] = inside.tolist()
+            most = 1 if key == "Kd" else None
+            colours[key == "Ke"][:] = remarks.clamped(colour, most, f"line {line}: {key} {text}")
         elif PICTURES.match(key) or (key in NEUTRAL and _differs(text, NEUTRAL[key])):
-            left_out.add(f"`{key}`")
-    left_out.say()
-    if clamped:
-        number = f"{len(clamped)} colour{'s' if len(clamped) > 1 else ''}"
-        warn(f"{path}: {number} out of range (first: {clamped[0]}) brought to the nearest that can be")
+            remarks.leave_out(f"`{key}`")
+    remarks.say()
     if twice:
         warn(f"{path}: material {', '.join(dict.fromkeys(twice))} is defined twice; the last one counts")
     return out

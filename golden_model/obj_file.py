@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from golden_model.errors import InputError, warn
-from golden_model.left_out import LeftOut
-from golden_model.mesh import dot
+from golden_model.errors import InputError
+from golden_model.mesh import unit_normals
 from golden_model.mtl_file import Colours, Materials
 from golden_model.polygons import triangulated
+from golden_model.remarks import Remarks
 from golden_model.scene import Part
 from golden_model.wavefront import lines
 
@@ -43,7 +43,7 @@ def load_obj(path: Path) -> list[Part]:
     vertices: list[list[float]] = []
     normals: list[list[float]] = []
     coordinates: list[list[float]] = []
-    left_out = LeftOut(path)
+    remarks = Remarks(path)
     materials = Materials(path)
     objects = [_Faces(path.stem)]
     material = ""
@@ -53,7 +53,7 @@ def load_obj(path: Path) -> list[Part]:
         if key == "v":
             vertices.append(_three(where, key, values))
             if len(values) >= 6:
-                left_out.add("colours of vertices")
+                remarks.leave_out("colours of vertices")
         elif key == "vn":
             normals.append(_three(where, key, values))
         elif key == "vt":
@@ -74,19 +74,15 @@ def load_obj(path: Path) -> list[Part]:
         elif key == "mtllib":
             materials.load(text, line)
         elif key in SEEN:
-            left_out.add(f"`{key}`")
-    left_out.say()
+            remarks.leave_out(f"`{key}`")
     colours = materials.colours()
     points = np.array(vertices, dtype=np.float64).reshape(-1, 3)
     directions = np.array(normals, dtype=np.float64).reshape(-1, 3)
     pictured = np.array(coordinates, dtype=np.float64).reshape(-1, 2)
     crossing: list[int] = []
     parts = [_part(path, item, points, directions, pictured, colours, crossing) for item in objects if item.sizes]
-    if crossing:
-        warn(
-            f"{path}: faces that cross themselves, {len(crossing)} in all (first: line {min(crossing)}), are cut into "
-            "triangles as well as can be"
-        )
+    remarks.crossing(len(crossing), f"line {min(crossing, default=0)}")
+    remarks.say()
     return parts
 
 
@@ -130,10 +126,7 @@ def _unit_normals(directions: np.ndarray, index: np.ndarray) -> np.ndarray | Non
     """Unit normals at the corners, None where a corner has none that can be used: then they are derived."""
     if (index < 0).any() or (index >= len(directions)).any():
         return None
-    chosen = directions[index]
-    with np.errstate(all="ignore"):
-        unit = chosen / np.sqrt(dot(chosen, chosen))[..., None]
-    return unit.astype(np.float32) if np.isfinite(unit).all() else None
+    return unit_normals(directions[index])
 
 
 def _texture_coordinates(coordinates: np.ndarray, index: np.ndarray) -> np.ndarray | None:

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from golden_model.affine import determinant, rotation_matrix, transformed
 from golden_model.coarse import decimated
 from golden_model.cornell_box import BLOCKS, PART_NAMES, ROOM, cornell_box_parts
 from golden_model.errors import InputError
 from golden_model.mesh import check_part, with_area
-from golden_model.mesh_files import determinant, load_mesh, transformed
+from golden_model.mesh_files import load_mesh
 from golden_model.scene import DEFAULT_ALBEDO, DEFAULT_IOR, DIFFUSE, GLASS, MIRROR, Part, vector
 from golden_model.scene_paths import PATH, object_path
 from golden_model.scene_tables import Table
@@ -227,16 +228,7 @@ def _transform(table: Table) -> tuple[np.ndarray, np.ndarray]:
 
 def _rotation(table: Table) -> np.ndarray:
     """The matrix (3, 3) float64 of the table's quaternion."""
-    w, x, y, z = table.quaternion("rotate")
-    square = w * w + x * x + y * y + z * z
-    rotation = np.array(
-        [
-            [w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z],
-        ]
-    )
-    return rotation / square
+    return rotation_matrix(*table.quaternion("rotate"))
 
 
 def _colour(table: Table, key: str, values: np.ndarray) -> np.ndarray:

@@ -152,6 +152,7 @@ def test_glb_keeps_materials_places_and_fronts(tmp_path: Path) -> None:
 def _stronger(document: dict) -> None:
     material = document["materials"][0]
     material["pbrMetallicRoughness"]["baseColorFactor"] = [0.725, 0.4, 0.6, 1.0]
+    material["pbrMetallicRoughness"]["metallicFactor"] = 0.0
     material["extensions"] = {"KHR_materials_emissive_strength": {"emissiveStrength": 10.0}}
 
 
