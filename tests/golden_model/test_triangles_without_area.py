@@ -41,7 +41,7 @@ def test_objects_without_area_are_left_out_with_their_materials_and_normals(tmp_
     path = write_cube(tmp_path, text)
     with pytest.warns(
         InputWarning,
-        match="2 triangles without area .first: triangle 0 of lid. left out, with which nothing is left of lid$",
+        match="1 triangle without area .first: triangle 0 of lid. left out, with which nothing is left of lid$",
     ):
         scene = load_scene(path)
     assert scene.object_names == ["cube", "top"]

@@ -121,6 +121,19 @@ def test_a_process_for_all_meshes(monkeypatch: pytest.MonkeyPatch) -> None:
     assert not Path(f"/proc/{started[0]}").exists()
 
 
+def test_an_answer_that_was_not_waited_for_is_no_other_meshs(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(stream: object) -> None:
+        raise KeyboardInterrupt
+
+    with Unwrapper() as process:
+        mesh_charts(ball(1), 0.1, unwrapper=process)
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            patch.setattr(unwrap_process, "_receive", interrupted)
+            mesh_charts(ball(2), 0.1, unwrapper=process)
+        after = mesh_charts(ball(3), 0.1, unwrapper=process)
+    assert after.uv.tobytes() == mesh_charts(ball(3), 0.1).uv.tobytes()
+
+
 def test_a_process_that_does_not_start(tmp_path: Path) -> None:
     (tmp_path / "program.py").write_text("raise ImportError\n")
     with Unwrapper(tmp_path / "program.py") as process, pytest.raises(RuntimeError, match="does not start"):
