@@ -100,10 +100,9 @@ def _cut(ring: np.ndarray) -> tuple[np.ndarray, bool]:
     # Without the coordinate in which its normal is largest, turned so that the front is in front: no rounding.
     plane = [(axis + 1) % 3, (axis + 2) % 3]
     flat = np.ascontiguousarray(ring[:, plane if normal[axis] > 0 else plane[::-1]])
-    triangles = mapbox_earcut.triangulate_float64(flat, np.array([size], dtype=np.uint32)).reshape(-1, 3)
-    triangles = triangles.astype(np.int64)
+    found = mapbox_earcut.triangulate_float64(flat, np.array([size], dtype=np.uint32))
+    triangles = found.astype(np.int64).reshape(-1, 3)
     edge = flat[triangles[:, 1:]] - flat[triangles[:, :1]]
     area = edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0]
-    triangles = np.where(area[:, None] < 0, triangles[:, ::-1], triangles)
     whole = abs(normal[axis])
-    return triangles, bool(abs(np.abs(area).sum() - whole) <= COVERED * whole)
+    return triangles, bool((area >= 0).all() and abs(area.sum() - whole) <= COVERED * whole)

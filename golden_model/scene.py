@@ -292,7 +292,7 @@ def require_light(scene: Scene) -> None:
     """Raises InputError where nothing in the scene shines in any frame."""
     if not (scene.brightest or scene.brightest_lights):
         raise InputError(
-            f"{scene.name}: the scene has no light; give a material emission (MTL: Ke, GLB: emissiveFactor) "
+            f"{scene.name}: the scene has no light; give a material emission (MTL: Ke, glTF: emissiveFactor) "
             "or write a scene file (TOML) with a [[point_light]]"
         )
 
@@ -303,7 +303,7 @@ def vector(values: Sequence[float] | np.ndarray) -> np.ndarray:
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
-    """A built-in scene by its name, a scene description (.toml) or a mesh file (.obj, .ply, .glb).
+    """A built-in scene by its name, a scene description (.toml) or a mesh file (.obj, .ply, .glb, .gltf).
 
     A mesh file gets a camera that frames it. Raises InputError, one line, for everything that cannot be used.
     """

@@ -41,7 +41,7 @@ DIFFERENT, BAD_INPUT, OWN_FAULT, INTERRUPTED, TERMINATED = 1, 2, 70, 130, 143
 app = typer.Typer(
     help="Lightloom: hardware that keeps lightmaps alive. Verilog, the golden model, and the proof that they agree.",
     epilog="Exit codes: 0 done, 1 a difference was found, 2 bad input, 130 interrupted. Outputs are written whole or "
-    "not at all. SCENE is a mesh (.obj, .ply, .glb), a scene file (.toml), or `cornell-box`, which is built in.",
+    "not at all. SCENE is a mesh (.obj, .ply, .glb, .gltf), a scene file (.toml), or `cornell-box`, which is built in.",
     rich_markup_mode=None,  # plain help: the same text in a terminal, in a pipe and in the documentation
     add_completion=False,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},

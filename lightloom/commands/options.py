@@ -7,7 +7,9 @@ import typer
 Scene = Annotated[
     str,
     typer.Argument(
-        metavar="SCENE", help="`cornell-box`, or the path of an .obj, .ply, .glb or .toml file.", show_default=False
+        metavar="SCENE",
+        help="`cornell-box`, or the path of an .obj, .ply, .glb, .gltf or .toml file.",
+        show_default=False,
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON on stdout instead of a table.")]

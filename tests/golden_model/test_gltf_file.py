@@ -231,6 +231,25 @@ def test_mirrored_and_stretched_nodes_keep_fronts_and_normals(tmp_path: Path) ->
         assert np.dot(np.cross(b - a, c - a), part.normals[0, 0]) > 0
 
 
+def test_the_normal_of_a_triangle_stays_its_normal(tmp_path: Path) -> None:
+    """After any affine map, mirrored ones among them."""
+    rng = np.random.default_rng(20260731)
+    out = Writer()
+    for _ in range(20):
+        triangle = rng.normal(size=(3, 3))
+        normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
+        mesh = out.mesh(primitive(out.array(triangle), NORMAL=out.array([normal / np.linalg.norm(normal)] * 3)))
+        place = np.eye(4)
+        place[:3] = rng.normal(size=(3, 4))
+        out.node(mesh=mesh, matrix=place.T.reshape(-1).tolist())
+    parts, _ = load(out.save(tmp_path / "mesh.glb"))
+    for part in parts:
+        a, b, c = part.corners[0].astype(np.float64)
+        normal = np.cross(b - a, c - a)
+        assert part.normals is not None
+        assert np.abs(part.normals[0] - normal / np.linalg.norm(normal)).max() < 1e-4, "seed 20260731"
+
+
 def test_normals_without_a_direction_are_derived(tmp_path: Path) -> None:
     out = Writer()
     out.node(mesh=out.mesh(primitive(out.array(FLOOR), out.array(QUAD, "u1"), NORMAL=out.array(np.zeros((4, 3))))))

@@ -35,19 +35,21 @@ def test_triangles_without_area_are_left_out(tmp_path: Path) -> None:
 
 
 def test_objects_without_area_are_left_out_with_their_materials_and_normals(tmp_path: Path) -> None:
-    text = CUBE_OBJ.replace(
-        "f -8 -4 -1 -5", "vn 0 0 1\nf -8//1 -4//1 -8//1\no top\nf 5//1 5//1 6//1 7//1\nusemtl paint\nf 5//1 7//1 8//1"
+    top = (
+        "o top\nf 5//2 6//2 6//2\nf 5//2 6//2 7//2\nf 5//2 5//2 6//2 7//2\n"
+        "usemtl paint\nf 5//1 7//1 8//1\nf 7//1 7//1 8//1\n"
     )
-    path = write_cube(tmp_path, text)
+    path = write_cube(tmp_path, CUBE_OBJ.replace("f -8 -4 -1 -5", "vn 0 0 1\nvn 0 1 0\nf -8 -4 -8\n" + top))
     with pytest.warns(
         InputWarning,
-        match="1 triangle without area .first: triangle 0 of lid. left out, with which nothing is left of lid$",
+        match="3 triangles without area .first: triangle 0 of lid. left out, with which nothing is left of lid$",
     ):
         scene = load_scene(path)
     assert scene.object_names == ["cube", "top"]
-    assert scene.emission[scene.material[10:]].any(axis=1).tolist() == [True, False]
-    assert (scene.normals[10:] == [0, 0, 1]).all()
-    assert scene.corners[10:].tolist() == [[[0, 0, 1], [1, 0, 1], [1, 1, 1]], [[0, 0, 1], [1, 1, 1], [0, 1, 1]]]
+    assert scene.emission[scene.material[10:]].any(axis=1).tolist() == [True, True, False]
+    assert scene.normals[10:, 0].tolist() == [[0, 1, 0], [0, 1, 0], [0, 0, 1]]
+    lower, upper = [[0, 0, 1], [1, 0, 1], [1, 1, 1]], [[0, 0, 1], [1, 1, 1], [0, 1, 1]]
+    assert scene.corners[10:].tolist() == [lower, lower, upper]
 
 
 def test_reduced_meshes_and_motion_without_area(tmp_path: Path) -> None:
