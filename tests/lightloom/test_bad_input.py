@@ -38,7 +38,7 @@ def refused_everywhere(cli: Run, folder: Path, scene: object, *words: str) -> No
     assert files_below(folder) == before
 
 
-@pytest.mark.parametrize("name", ["none.obj", "none.ply", "none.glb", "none.toml"])
+@pytest.mark.parametrize("name", ["none.obj", "none.ply", "none.glb", "none.gltf", "none.toml"])
 def test_missing_scene(cli: Run, tmp_path: Path, name: str) -> None:
     refused_everywhere(cli, tmp_path, tmp_path / name, name, "no such file")
 
@@ -64,6 +64,7 @@ PLY = (
         ("cut.toml", b'[[quad]]\nname = "fl'),
         ("noise.obj", bytes(range(256))),
         ("empty.glb", b""),
+        ("cut.gltf", b'{"asset": {"version": "2.0"'),
     ],
 )
 def test_truncated_scene(cli: Run, tmp_path: Path, name: str, content: bytes) -> None:
@@ -85,6 +86,12 @@ def test_unusable_mesh(cli: Run, tmp_path: Path, content: str, words: tuple[str,
     path = tmp_path / "mesh.obj"
     path.write_text(content)
     refused_everywhere(cli, tmp_path, path, "mesh.obj", *words)
+
+
+def test_what_a_mesh_needs_and_is_not_read(cli: Run, tmp_path: Path) -> None:
+    path = tmp_path / "mesh.gltf"
+    path.write_text('{"asset": {"version": "2.0"}, "extensionsRequired": ["KHR_draco_mesh_compression"]}')
+    refused_everywhere(cli, tmp_path, path, "mesh.gltf", "KHR_draco_mesh_compression")
 
 
 def test_what_is_left_out_is_said_once(cli: Run, tmp_path: Path) -> None:
