@@ -9,6 +9,10 @@ class InputError(Exception):
     The command line prints it and exits with code 2; it is never raised for a fault of Lightloom's own.
     """
 
+    def __init__(self, message: str) -> None:
+        # Names in files may hold line breaks.
+        super().__init__(" ".join(message.splitlines()))
+
 
 class InputWarning(UserWarning):
     """Something in the user's input was left out or changed. The message is one line that names the file and what.
@@ -19,4 +23,4 @@ class InputWarning(UserWarning):
 
 def warn(message: str) -> None:
     """Says what was left out or changed."""
-    warnings.warn(message, InputWarning, stacklevel=3)
+    warnings.warn(" ".join(message.splitlines()), InputWarning, stacklevel=3)

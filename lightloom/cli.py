@@ -12,7 +12,7 @@ import traceback
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Annotated, Any
+from typing import Annotated, TextIO
 
 import typer
 from typer.main import get_command
@@ -88,12 +88,19 @@ def _warnings_said() -> Iterator[None]:
     """What was left out of the input is said in a line on stderr each, the same line once."""
     said: set[str] = set()
 
-    def show(message: Warning | str, category: type[Warning], *where: Any) -> None:
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
         if not issubclass(category, InputWarning):
-            others(message, category, *where)
+            others(message, category, filename, lineno, file, line)
         elif str(message) not in said:
             said.add(str(message))
-            print(f"warning: {' '.join(str(message).split())}", file=sys.stderr)
+            print(f"warning: {message}", file=sys.stderr)
 
     with warnings.catch_warnings():
         others = warnings.showwarning

@@ -369,6 +369,15 @@ def setting(*path: str | int, value: Any) -> Callable[[dict[str, Any]], None]:
     return change
 
 
+def test_names_with_line_breaks_stay_in_one_line(tmp_path: Path) -> None:
+    out = room()
+    out.gltf.extensionsUsed = ["EXT_line\nbreak"]
+    _, said = load(out.save(tmp_path / "room.glb"))
+    assert said == ["left out: EXT_line break"]
+    out.gltf.extensionsRequired = ["EXT_line\nbreak"]
+    assert "needs the glTF extension EXT_line break, which" in refusal(out.save(tmp_path / "room.glb"))
+
+
 PRIMITIVE = ("meshes", 0, "primitives", 0)
 
 

@@ -2,6 +2,7 @@
 
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,8 @@ def test_triangles_without_area_are_left_out(tmp_path: Path) -> None:
     flat = [[0, 1, 1], [1, 4, 2], [0, 2, 5]]
     faces = np.array([sound[0], flat[0], sound[1], sound[2], flat[1], flat[2], sound[3]])
     path = tmp_path / "tetrahedron.ply"
-    path.write_bytes(trimesh.Trimesh(vertices, faces, process=False).export(file_type="ply"))
+    data: Any = trimesh.Trimesh(vertices, faces, process=False).export(file_type="ply")
+    path.write_bytes(data)
     with pytest.warns(InputWarning) as said:
         scene = load_scene(path)
     assert [str(warning.message) for warning in said] == [
