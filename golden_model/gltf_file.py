@@ -6,6 +6,7 @@ said to be left out.
 """
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -208,13 +209,14 @@ class _Reader:
         )
 
 
+@dataclass(frozen=True)
 class _Piece:
-    """The triangles of a primitive: corners, normals and texture coordinates (F, 3, K) float64."""
+    """The triangles of a primitive: corners, normals and texture coordinates (F, 3, K) float64, and their material."""
 
-    def __init__(
-        self, corners: np.ndarray, normals: np.ndarray | None, texture_uv: np.ndarray | None, material: int | None
-    ) -> None:
-        self.corners, self.normals, self.texture_uv, self.material = corners, normals, texture_uv, material
+    corners: np.ndarray
+    normals: np.ndarray | None
+    texture_uv: np.ndarray | None
+    material: int | None
 
 
 def _joined(pieces: list[np.ndarray | None]) -> np.ndarray | None:
