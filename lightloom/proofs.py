@@ -42,12 +42,28 @@ class Table:
 
 
 def listed(properties: Sequence[Property]) -> Table:
-    """The properties, without proving them."""
-    rows = [
-        {"unit": one.unit, "property": one.name, "method": str(one.method), "quick": one.quick, "says": one.says}
+    """The properties, without proving them, and what each has to reach."""
+    rows: list[dict[str, Any]] = [
+        {
+            "unit": one.unit,
+            "property": one.name,
+            "method": str(one.method),
+            "quick": one.quick,
+            "says": one.says,
+            "reaches": one.covers,
+        }
         for one in properties
     ]
-    return Table(title="Properties", columns=["unit", "property", "method", "quick", "says"], rows=rows)
+    return Table(
+        title="Properties",
+        columns=["unit", "property", "method", "quick", "says"],
+        rows=rows,
+        after=[
+            f"{one.key} reaches within {one.reach_within} cycles: {', '.join(row['reaches'])}"
+            for one, row in zip(properties, rows, strict=True)
+            if row["reaches"]
+        ],
+    )
 
 
 def proof_table(properties: Sequence[Property], solvers: Sequence[str], jobs: int, out: Path) -> Table:
@@ -66,9 +82,15 @@ def proof_table(properties: Sequence[Property], solvers: Sequence[str], jobs: in
         good=counts[HOLDS] == len(outcomes),
         after=[
             f"{counts[HOLDS]} of {len(outcomes)} proved in {progress.seconds['proofs']:.0f} s",
+            *(_reached(outcome) for outcome in outcomes if outcome.reached),
             *(_failure(outcome, out) for outcome in outcomes if outcome.status != HOLDS),
         ],
     )
+
+
+def _reached(outcome: Outcome) -> str:
+    cycles = ", ".join(f"{label} {cycle}" for label, cycle in outcome.reached.items())
+    return f"{outcome.property.key} ({outcome.solver}) reached, in cycle: {cycles}"
 
 
 def _failure(outcome: Outcome, out: Path) -> str:

@@ -6,7 +6,7 @@ python -m lightloom.results_page build/results/*.json > docs/results.md
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -115,6 +115,8 @@ def _cell(value: object) -> str:
         return f"{value:,}"
     if isinstance(value, float):
         return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {one}" for name, one in value.items()) or "-"
     return str(value).replace("|", "\\|")
 
 
@@ -219,7 +221,7 @@ def _proved(rows: Sequence[Row]) -> str:
     bounded = sum(row["method"].startswith("bounded") for row in rows)
     return (
         f"**{proved} of {len(rows)} proved**, {bounded} of them within a bound: there is no counterexample of as many "
-        "cycles as the depth says."
+        "cycles as the depth says. **reached**: what had to be possible, and in which cycle it first was."
     )
 
 

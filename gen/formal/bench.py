@@ -1,3 +1,5 @@
+# amaranth: UnusedElaboratable=no
+# (a bench is also made only to ask what it has to reach)
 """A formal bench: a component, inputs that may be anything, and what has to hold about it.
 
 It is a top of its own, never part of what is emitted. All that a proof needs of a solver is written in three words:
@@ -14,13 +16,16 @@ from amaranth.lib.wiring import In
 
 FIRST = "bench_first_cycle"
 """The one register whose initial value counts (`gen.formal.solve` strips all others)."""
+NARROW = "bench_narrow"
+"""The constant that says whether only the runs are looked at that `Bench.narrow` leaves."""
 
 
 class Bench:
     """Wraps one component; `rst` is high in the first cycle and anything afterwards.
 
     Attributes: `m`, the module that the proof adds to, whose `sync` registers are reset with the component;
-    `settled`, this cycle is neither the first nor one of reset: only then does `require` bind.
+    `settled`, this cycle is neither the first nor one of reset: only then does `require` bind; `covers`, the labels of
+    what has to be reached, in order. Runs that reach it have no reset but the first.
     """
 
     def __init__(self, component: wiring.Component | None = None, *, driven: Container[str] = ()):
@@ -29,10 +34,13 @@ class Bench:
         self._domain = ClockDomain("sync")
         self._inputs: dict[str, Signal] = {}
         self._labels: set[str] = set()
+        self.covers: list[str] = []
         first = Signal(init=1, reset_less=True, name=FIRST)
         self.m.d.sync += first.eq(0)
         self.settled = Signal()
         self.m.d.comb += [Assume(self._domain.rst | ~first), self.settled.eq(~first & ~self._domain.rst)]
+        self._narrow = self.constant(NARROW)
+        self.narrow(first | ~self._domain.rst)
         self._fragment = None
         if component is not None:
             self._fragment = self.add("dut", component)
@@ -78,9 +86,18 @@ class Bench:
 
     def reach(self, label: str, condition: Any) -> None:
         """There is a run in which `condition` comes to hold: the assumptions leave room for it. `label` is one word."""
-        statement = Cover(self.settled & Value.cast(condition).any())
+        assert label not in self.covers, f"two covers are named {label}"
+        self.covers.append(label)
+        statement = Cover(self.settled & self._narrow & Value.cast(condition).any())
         statement.src_loc = (label, 0)
         self.m.d.comb += statement
+
+    def narrow(self, condition: Any) -> None:
+        """What is to be reached is looked for among runs in which `condition` holds in every cycle: it is found sooner.
+
+        It binds no proof: there the solver may choose any run.
+        """
+        self.assume(~self._narrow | Value.cast(condition).any())
 
     def past(self, value: Any, name: str) -> Signal:
         """`value` one cycle before; 0 in the first cycle after a reset."""

@@ -13,7 +13,7 @@ from rtl.layouts import layout_of
 from rtl.pipeline import Core
 from rtl.traversal.best_hits import BestHits
 
-SMALL = Config(contexts=2)
+SMALL = Config(contexts=4)
 
 
 class MixedCore(Core):
@@ -99,7 +99,12 @@ def nearest(config: Config) -> Bench:
     bench.require("found", ~t_asked | (t_port.found == bench.past(found, "found")))
     bench.require("t", ~t_asked | ~t_port.found | (t_port.t == bench.past(best.t, "t")))
     bench.require("is_better", ~followed.comes | (bench.inner("better") == better))
+    hits = followed.comes & result.tested & result.data.hit & found
     bench.reach("better_than_a_hit", better & found)
+    bench.reach("as_far_with_a_lower_index", better & found & equal)
+    bench.reach("as_far_with_a_higher_index", hits & equal & ~better)
+    bench.reach("farther_than_a_hit", hits & ~lower & ~equal)
+    bench.reach("next_result_of_the_same_ray", better & bench.past(better, "better_before"))
 
     # The induction's invariant: memories, and what is read ahead of the two results that come next.
     bench.require("found_bit", bench.inner("found").bit_select(who, 1) == found)
@@ -180,7 +185,22 @@ def distance(config: Config) -> Bench:
         end = bench.past(end, f"end{cycle}")
     told = Cat(done.valid, done.context, done.hit, done.error)
     bench.require("visit_over", (told == end) | ~(done.valid | end[0]))
+    first_of_two = bench.past(component.result.valid & any_hit & ~result.last, "first_of_two")
+    asked = followed.asked(component.time_read[0], "time", when=running & quiet)
+    was_better = Signal()
+    with m.If(followed.begins | comes):
+        m.d.sync += was_better.eq(~followed.begins & (was_better | bench.inner("better")))
+    waits = bench.inner("starting/fifo/r_rdy") & (bench.inner("starting/fifo/r_data") == followed.who)
+    bench.reach("distance_of_t_max", asked & ~was_better)
+    bench.reach("distance_of_a_hit", asked & was_better)
     bench.reach("hit_is_told", is_done & done.hit)
+    bench.reach("error_is_told", is_done & (done.error != 0))
+    bench.reach("two_results_of_a_visit", comes & result.last & bench.past(comes & ~result.last, "one"))
+    bench.reach("hit_of_the_first_of_two", comes & result.last & ~any_hit & first_of_two)
+    bench.reach("two_visits_of_a_ray", visits == 2)
+    bench.reach("start_waits_for_a_better_hit", waits & bench.inner("better"))
+    bench.reach("two_starts_at_a_time", (starting & (starting - 1)[: len(starting)]).any())
+    bench.reach("begins_a_second_ray", followed.begins & was_better)
     return bench
 
 
@@ -201,6 +221,5 @@ def properties() -> list[Property]:
             says="the distance of the best hit, or of t_max, when visits are done; each visit's end told once",
             method=Bounded(depth=13),
             build=lambda: distance(SMALL),
-            reach=14,
         ),
     ]

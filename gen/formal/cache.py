@@ -24,6 +24,7 @@ def waiters(misses: int, requests: int) -> Bench:
     whose = [Signal(range(misses), name=f"whose{tag}") for tag in range(TAGS)]
     listed = [Signal(name=f"listed{k}") for k in range(misses)]  # has a list that may grow
     filled = [Signal(name=f"filled{k}") for k in range(misses)]  # its block has come, its number is not free yet
+    free_again = [Signal(name=f"free_again{k}") for k in range(misses)]  # it has had a list before
     line = [Signal(2, name=f"line{k}") for k in range(misses)]
     error = [Signal(name=f"error{k}") for k in range(misses)]
     answered = [Signal(name=f"answered{tag}") for tag in range(TAGS)]
@@ -43,6 +44,7 @@ def waiters(misses: int, requests: int) -> Bench:
             listed[k].eq((listed[k] | (component.add & (component.miss == k))) & ~freed),
             filled[k].eq((filled[k] | (component.filled & (component.filled_miss == k))) & ~freed),
         ]
+        m.d.sync += free_again[k].eq(free_again[k] | freed)
         bench.require(f"freed{k}_once_filled", ~freed | filled[k])
         with m.If(component.filled & (component.filled_miss == k)):
             m.d.sync += [line[k].eq(component.filled_line), error[k].eq(component.filled_error)]
@@ -76,6 +78,13 @@ def waiters(misses: int, requests: int) -> Bench:
         bench.assume(~(component.filled & waits[k] & answered[k]) | (its_line[k] != component.filled_line))
     bench.require("last_is_last", ~(o.valid & o.payload.last) | ~Cat(others).any())
     bench.reach("list_of_two", takes & o.payload.last & bench.past(takes & ~o.payload.last, "not_last"))
+    bench.reach("full", ~component.ready)
+    bench.reach("failed", takes & o.payload.error)
+    bench.reach("miss_used_again", component.add & component.first & Array(free_again)[component.miss])
+    bench.reach("answer_waits", o.valid & bench.past(o.valid & ~o.ready, "not_taken"))
+    if misses > 1:
+        bench.reach("two_lists_filled", Cat(filled).all())
+        bench.reach("added_while_answered", component.add & o.valid)
 
     # Released, everything whose block has come is answered: at most two cycles a list and one a request.
     idle = Signal(range(32))
@@ -85,10 +94,11 @@ def waiters(misses: int, requests: int) -> Bench:
     return bench
 
 
-def cache(*, sets: int, ways: int, misses: int, requests: int, tags: int, block_bits: int) -> Bench:
+def cache(*, sets: int, ways: int, misses: int, requests: int, tags: int, block_bits: int, again: bool = True) -> Bench:
     """Requests have `tags` different tags, all blocks have numbers of `block_bits`, and a block's data is its number.
 
-    The memory answers reads in any order, at any time, with or without an error.
+    The memory answers reads in any order, at any time, with or without an error. `again`: errors, and second reads of a
+    block and by a miss, are to be reached; that takes 15 to 18 cycles.
     """
     component = BlockCache(
         sets=sets,
@@ -125,6 +135,14 @@ def cache(*, sets: int, ways: int, misses: int, requests: int, tags: int, block_
     bench.assume(~i.valid | ~Array(waits)[tag])
     bench.assume(~axi.rvalid | Array(reading)[axi.rid])
 
+    was_read = Signal(1 << block_bits)  # blocks
+    used_number = Signal(len(reading))  # of a miss, before
+    oldest = Signal(len(axi.arid))  # of two reads
+    with m.If(asked):
+        m.d.sync += was_read.eq(was_read | (1 << axi.araddr[6 : 6 + block_bits]))
+        m.d.sync += used_number.eq(used_number | (1 << axi.arid))
+        m.d.sync += oldest.eq(Mux(Array(reading)[axi.arid ^ 1], axi.arid ^ 1, axi.arid))
+
     # AXI, on the side of the memory.
     address = Cat(axi.araddr, axi.arid, axi.arlen, axi.arsize, axi.arburst)
     held(bench, "ar", axi.arvalid, axi.arready, address)
@@ -145,11 +163,22 @@ def cache(*, sets: int, ways: int, misses: int, requests: int, tags: int, block_
     events = component.hit + component.miss + component.merged
     bench.require("one_event_a_cycle", events <= 1)
     bench.reach("answered", leaves & ~o.payload.error)
+    bench.reach("answer_waits", o.valid & bench.past(o.valid & ~o.ready, "not_taken"))
     bench.reach("merged", component.merged)
+    bench.reach("found", component.hit)
+    bench.reach("address_waits", axi.arvalid & bench.past(axi.arvalid & ~axi.arready, "no_address"))
+    if again:
+        bench.reach("answered_with_error", leaves & o.payload.error)
+        bench.reach("read_again", asked & was_read.bit_select(axi.araddr[6 : 6 + block_bits], 1))
+        bench.reach("number_used_again", asked & used_number.bit_select(axi.arid, 1))
+    if misses > 1:
+        bench.reach("two_reads", Cat(reading).all())
+        bench.reach("reads_out_of_order", comes & Cat(reading).all() & (axi.rid != oldest))
     return bench
 
 
 def properties() -> list[Property]:
+    small = partial(cache, sets=2, ways=1, misses=2)
     return [
         *(
             Property(
@@ -158,8 +187,6 @@ def properties() -> list[Property]:
                 says="each request once, with its line, after its block; `last` is; numbers free again; drains",
                 method=Bounded(depth=depth),
                 build=partial(waiters, misses, requests),
-                reach=12,
-                quick=False,
             )
             for misses, requests, depth in ((1, 2, 12), (2, 3, 8))
         ),
@@ -169,13 +196,18 @@ def properties() -> list[Property]:
             says="one miss at a time: each request once, with its block; AXI rules",
             method=Bounded(depth=15),
             build=partial(cache, sets=2, ways=1, misses=1, requests=2, tags=2, block_bits=2),
-            reach=15,
         ),
-        Property(
-            unit="block_cache",
-            name="reads",
-            says="two misses at a time: AXI rules, no block read twice at a time, ids free when used",
-            method=Bounded(depth=10),
-            build=partial(cache, sets=2, ways=1, misses=2, requests=3, tags=4, block_bits=3),
+        *(
+            Property(
+                unit="block_cache",
+                name=name,
+                says="two misses at a time: AXI rules, no block read twice at a time, ids free when used",
+                method=Bounded(depth=depth),
+                build=build,
+            )
+            for name, depth, build in (
+                ("reads", 18, partial(small, requests=2, tags=2, block_bits=2)),
+                ("reads-for-three", 10, partial(small, requests=3, tags=4, block_bits=3, again=False)),
+            )
         ),
     ]

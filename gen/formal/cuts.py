@@ -40,6 +40,8 @@ def cut(make: type[StepCore], depth: int) -> Bench:
     bench.m.d.comb += Value.cast(chain.i).eq(core.i)
     expected = Value.cast(chain.o)
     filled = Signal(range(depth + 1))
+    stalled = Signal()  # while something was inside, not yet at the end
+    bench.m.d.sync += stalled.eq(stalled | (~core.en & (filled != 0) & (filled != depth)))
     with bench.m.If(core.en):
         for stage in range(depth):
             delayed = Signal(len(expected), name=f"delayed{stage}")
@@ -49,6 +51,9 @@ def cut(make: type[StepCore], depth: int) -> Bench:
             bench.m.d.sync += filled.eq(filled + 1)
     bench.require("same_result", (filled != depth) | (Value.cast(core.o) == expected))
     bench.reach("filled", filled == depth)
+    if depth > 1:
+        bench.reach("filled_after_a_stall", (filled == depth) & stalled)
+    bench.reach("stalls_when_filled", (filled == depth) & ~core.en)
     return bench
 
 
@@ -63,7 +68,6 @@ def properties() -> list[Property]:
                 says="a register after every step gives the same results, that many enabled cycles later",
                 method=Bounded(depth=depth + STALLS),
                 build=partial(cut, make, depth),
-                reach=depth + 1,
             )
         )
     return out

