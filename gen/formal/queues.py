@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from amaranth import Array, Mux, Signal, Value
+from amaranth import Array, Const, Mux, Signal, Value
 
 from gen.formal.bench import Bench
 from gen.formal.properties import Induction, Property
@@ -14,16 +14,16 @@ WIDTH = 4
 
 
 class FifoInside:
-    """What one of Amaranth's buffered FIFOs holds: an output register, and a RAM that goes round.
+    """What one of Amaranth's FIFOs holds: a RAM that goes round, and the output register of a `buffered` one.
 
     Attributes: `out`, the register holds an item; `level`, items in the RAM; `slots`, of every place of the RAM whether
     it holds an item, and which.
     """
 
-    def __init__(self, bench: Bench, path: str, name: str):
+    def __init__(self, bench: Bench, path: str, name: str, *, buffered: bool = True):
         self._bench, self._path, self._name = bench, path, name
-        self.out = bench.inner(f"{path}/r_rdy")
-        self.level = bench.inner(f"{path}/inner_level")
+        self.out: Value = bench.inner(f"{path}/r_rdy") if buffered else Const(0)
+        self.level = bench.inner(f"{path}/inner_level" if buffered else f"{path}/level")
         self._consume = bench.inner(f"{path}/consume")
         self.depth = bench.depth(f"{path}/storage")
         self.slots = []

@@ -191,3 +191,60 @@ def test_how_far_a_ray_runs_ahead(backlog: int, starved: int, near: int, most: i
     simulator.add_testbench(testbench)
     simulator.run()
     assert asked == most
+
+
+TIME = 1000
+
+
+@pytest.mark.parametrize(("entry", "visited"), [(TIME - 1, True), (TIME, True), (TIME + 1, False)])
+def test_an_entry_is_dropped_only_beyond_the_best_hit(entry: int, visited: bool) -> None:
+    """At the distance of the best hit there may be a hit of a lower index, or a nearer one that rounds the same."""
+    dut = Control(SMALL)
+    leaves: list[int] = []
+
+    async def testbench(ctx: Any) -> None:
+        async def until(signal: Any) -> None:
+            for _ in range(20):
+                if ctx.get(signal):
+                    return
+                await ctx.tick()
+            raise AssertionError("nothing happens")
+
+        for port, value in ((dut.levels, 2), (dut.overlap, 1), (dut.root, 1), (dut.time_read.time, TIME)):
+            ctx.set(port, value)
+        ctx.set(dut.start.valid, 1)
+        await until(dut.start.ready)
+        context = ctx.get(dut.start_context)
+        await ctx.tick()
+        ctx.set(dut.start.valid, 0)
+        ctx.set(dut.started.context, context)
+        ctx.set(dut.started.valid, 1)
+        await ctx.tick()
+        ctx.set(dut.started.valid, 0)
+        await until(dut.node_request.valid)
+
+        # Two leaves: the nearer one is visited at once, the other one waits on the stack.
+        await ctx.tick()
+        result = dut.node.payload
+        ctx.set(result, {"context": context, "address": 1, "rank": 0, "error": 0, "base": 2, "leaf": 0b11})
+        ctx.set(result.hits.count, 2)
+        for place, distance in enumerate((0, entry)):
+            ctx.set(result.hits.slot[place], place)
+            ctx.set(result.hits.entry[place], distance)
+        ctx.set(dut.node.valid, 1)
+        await ctx.tick()
+        ctx.set(dut.node.valid, 0)
+        ctx.set(dut.leaf.payload.context, context)
+        while not ctx.get(dut.finished.valid):
+            asked = ctx.get(dut.leaf_request.valid)
+            if asked:
+                leaves.append(ctx.get(dut.leaf_request.payload.address))
+            await ctx.tick()
+            ctx.set(dut.leaf.valid, asked)
+            assert len(leaves) <= 2
+
+    simulator = Simulator(dut)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(testbench)
+    simulator.run_until(2e-4)
+    assert leaves == ([2, 3] if visited else [2])
