@@ -1,10 +1,13 @@
 """The quick proofs; and that benches, references and faults do what they are for."""
 
+import re
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from amaranth import Module
+from amaranth import Module, Signal
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -22,21 +25,50 @@ from rtl.operators.fields import FloatFormat
 from rtl.operators.float_multiply import FloatMultiply
 
 
+def documented() -> dict[str, tuple[str, dict[str, int]]]:
+    """The table of docs/proofs.md by property: the method, and the cycle in which each cover is reached."""
+    text = (ROOT / "docs" / "proofs.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `(\S+/\S+)` \| ([^|]+) \| ([^|]+) \|", text, re.MULTILINE)
+    return {
+        key: (method, {name: int(cycle) for name, cycle in (one.split() for one in reached.split(", "))})
+        for key, method, reached in rows
+    }
+
+
+REACHED = documented()
+
+
 def prove(one: Property, folder: Path, solver: str = "yices") -> Outcome:
     return solve([one], [solver], folder / "proofs", jobs=1)[0]
 
 
+def check_property(key: str, folder: Path) -> None:
+    outcome = prove(PROPERTIES[key], folder)
+    assert outcome.status == "proved", outcome.as_row()
+    if key in REACHED:
+        assert outcome.reached == REACHED[key][1], "docs/proofs.md says when other covers are reached"
+
+
 @pytest.mark.parametrize("key", [key for key, one in PROPERTIES.items() if one.quick])
 def test_property_holds(key: str, tmp_path: Path) -> None:
-    outcome = prove(PROPERTIES[key], tmp_path)
-    assert outcome.status == "proved", outcome.as_row()
+    check_property(key, tmp_path)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("key", [key for key, one in PROPERTIES.items() if not one.quick])
 def test_every_property_holds(key: str, tmp_path: Path) -> None:
-    outcome = prove(PROPERTIES[key], tmp_path)
-    assert outcome.status == "proved", outcome.as_row()
+    check_property(key, tmp_path)
+
+
+def test_every_bounded_proof_has_covers_that_the_docs_list() -> None:
+    bounded = {key for key, one in PROPERTIES.items() if isinstance(one.method, Bounded)}
+    assert bounded <= set(REACHED)
+    for key, (method, reached) in REACHED.items():
+        one = PROPERTIES[key]
+        assert method == str(one.method), key
+        assert reached, key
+        assert set(reached) == set(one.covers), key
+        assert all(0 < cycle <= one.reach_within for cycle in reached.values()), key
 
 
 class Register(wiring.Component):
@@ -54,7 +86,8 @@ class Register(wiring.Component):
         return m
 
 
-def register_bench(*, overwrites: bool, blocked: bool = False) -> Bench:
+def register_bench(*, overwrites: bool, blocked: bool = False, late: int = 0) -> Bench:
+    """`late`: something is to be reached that takes that many cycles."""
     component = Register(overwrites=overwrites)
     bench = Bench(component)
     i, o = component.i, component.o
@@ -67,17 +100,21 @@ def register_bench(*, overwrites: bool, blocked: bool = False) -> Bench:
     bench.require("count_is_valid", tracker.count == o.valid)
     if blocked:
         bench.assume(~i.valid)
+    if late:
+        age = Signal(range(late + 2))
+        bench.m.d.sync += age.eq(age + (age != late))
+        bench.reach("late", age == late)
     return bench
 
 
-def register_property(method: Induction | Bounded, **options: bool) -> Property:
+def register_property(method: Induction | Bounded, **options: Any) -> Property:
     return Property(
         unit="register",
         name="stream",
         says="a register",
         method=method,
         build=lambda: register_bench(**options),
-        reach=4,
+        reach=0 if isinstance(method, Bounded) else 4,
     )
 
 
@@ -100,7 +137,26 @@ def test_a_fault_gives_a_counterexample(method: Induction | Bounded, tmp_path: P
 def test_assumptions_that_leave_nothing_are_found(tmp_path: Path) -> None:
     outcome = prove(register_property(Induction(depth=1), overwrites=False, blocked=True), tmp_path)
     assert outcome.status == "vacuous"
-    assert "followed_one_leaves" in outcome.note
+    assert outcome.note == "not reached within 4 cycles: followed_one_leaves, full"
+
+
+@pytest.mark.parametrize(
+    ("late", "status", "note"), [(4, "proved", ""), (5, "vacuous", "not reached within 5 cycles: late")]
+)
+def test_what_is_reached_beyond_the_bound_is_not_reached(late: int, status: str, note: str, tmp_path: Path) -> None:
+    """The count begins in the cycle after the reset, and is there a cycle later."""
+    outcome = prove(register_property(Bounded(depth=5), overwrites=False, late=late), tmp_path)
+    assert (outcome.status, outcome.note) == (status, note)
+    assert outcome.reached == {"full": 2, "followed_one_leaves": 2} | ({"late": 5} if late == 4 else {})
+
+
+def test_a_bounded_proof_reaches_within_its_bound_and_has_covers() -> None:
+    with pytest.raises(ValueError, match="it has to reach within its bound"):
+        Property(unit="register", name="stream", says="", method=Bounded(depth=5), build=Bench, reach=6)
+    with pytest.raises(ValueError, match="register/stream: 0 covers to be reached in 5 cycles"):
+        Property(unit="register", name="stream", says="", method=Bounded(depth=5), build=Bench).bench()
+    with pytest.raises(ValueError, match="register/stream: 2 covers to be reached in 0 cycles"):
+        replace(register_property(Induction(), overwrites=False), reach=0).bench()
 
 
 def test_reference_of_small_formats_is_ieee() -> None:
