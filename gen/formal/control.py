@@ -4,7 +4,7 @@ from amaranth import Cat, Mux, Signal, Value
 from amaranth.lib import data
 
 from gen.formal.bench import Bench
-from gen.formal.followed_ray import MOST_CHILDREN, Followed, Places
+from gen.formal.followed_ray import MOST_CHILDREN, Followed, Places, total
 from gen.formal.properties import Induction, Property
 from gen.formal.streams import held
 from golden_model.formats import TRACE_ERRORS
@@ -27,7 +27,8 @@ def life(config: Config) -> Bench:
     held(bench, "finished", component.finished.valid, component.finished.ready, component.finished.payload)
     bench.require("context_is_free", ~ray.starts | ~ray.taken)
     asks = ray.asks_node | ray.asks_leaf
-    bench.require("visits_of_its_ray", ~asks | (ray.begun & ~ray.done & ~ray.ended & ~ray.due))
+    bench.require("visits_of_its_ray", ~asks | (ray.begun & ~ray.done))
+    bench.require("nothing_chosen_after_the_end", ~ray.bit("pop") | (~ray.ended & (~ray.due | ray.bit("fresh"))))
     bench.require("overlap", visits <= ray.limit)
     bench.require("one_at_a_time_again", ~ray.again | (visits <= 1))
     bench.require("finished_once", ~ray.finishes | (ray.begun & ~ray.done))
@@ -135,7 +136,8 @@ def invariant(config: Config, ray: Followed, places: Places, visits: Value, entr
     reserved, number = bench.inner("reserved"), bench.inner("reserved_number")
     bench.require("reserved_one", reserved == Mux(bench.inner("reserved_valid"), 1 << number, 0)[: config.contexts])
     bench.require("reserved_free", ~ray.bit("reserved") | ~taken)
-    on_the_way = bench.inner("asked_valid") + bench.inner("read_valid") + places.pops.level
+    steps = [bench.inner(f"{name}_valid") for name in ("asked", "read", "met")]
+    on_the_way = total([*steps, *(pops.level for pops in places.pops)])
     bench.require("under_way", (bench.inner("under_way") == on_the_way) & (on_the_way <= POPS))
     (first, _), (second, _) = places.buffered
     bench.require("first_before_second", first | ~second)
@@ -165,14 +167,15 @@ def covers(config: Config, ray: Followed, entries: Value) -> None:
         visited.eq((visited | ray.asks_node | ray.asks_leaf) & ~ray.starts),
         hit.eq((hit | ray.hits) & ~ray.starts),
     ]
-    dropped = bench.inner("drop") & ray.bit("visit_context")
-    popped_leaf = bench.inner("pop_leaf") & ray.bit("visit_context") & ray.asks_leaf
+    dropped = bench.inner("drop") & ray.bit("met_context")
+    popped_leaf = bench.inner("pop_leaf") & ~bench.inner("forward_leaf") & ray.asks_leaf
     reach("two_visits", ray.nodes + ray.leaves == 2)
     reach("two_results_in_one_cycle", ray.node_comes & ray.leaf_comes)
     reach("popped_leaf", popped_leaf)
     reach("popped_rest_of_a_node", ray.asks_node & (component.node_request.payload.rank != 0))
     reach("dropped_beyond_the_hit", dropped & ~ray.ended & ~ray.due)
     reach("dropped_after_the_end", dropped & ray.ended)
+    reach("asks_after_the_end", (ray.asks_node | ray.asks_leaf) & ray.ended)
     reach("full_stack", entries == config.stack)
     reach("begins_again", ray.begins_again)
     reach("root_again", ray.root & ray.due)
@@ -195,7 +198,7 @@ def properties() -> list[Property]:
             says="out once, when done; visits within overlap; each entry taken once; begins again; a failure told once",
             method=Induction(depth=1),
             build=lambda: life(SMALL),
-            reach=25,
+            reach=28,
             quick=True,
         )
     ]

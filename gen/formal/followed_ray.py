@@ -109,10 +109,11 @@ class Places:
 
     def __init__(self, config: Config, ray: Followed):
         bench, bits = ray.bench, context_bits(config)
-        self.pops = FifoInside(bench, "pops", "pop", buffered=False)
+        self.pops = [FifoInside(bench, f"{kind}_pops", f"{kind}_pop", buffered=False) for kind in ("node", "leaf")]
         lists = FifoInside(bench, "stacks/lists", "list")
-        asked, read = (bench.inner(f"{name}_valid") & ray.mine(bench.inner(name)[:bits]) for name in ("asked", "read"))
-        self.chosen = total([asked, read, *(there & ray.mine(word[:bits]) for there, word in self.pops.slots)])
+        steps = [bench.inner(f"{name}_valid") & ray.mine(bench.inner(name)[:bits]) for name in ("asked", "read", "met")]
+        waiting = [there & ray.mine(word[:bits]) for pops in self.pops for there, word in pops.slots]
+        self.chosen = total([*steps, *waiting])
         self.buffered = [
             (bench.inner(f"results/{valid}"), bench.inner(f"results/{data}"))
             for valid, data in (("o__valid", "first"), ("held", "kept"))

@@ -28,7 +28,7 @@ from rtl.traversal.records import (
 )
 from rtl.traversal.stacks import LISTS, Stacks
 
-POPS = 6
+POPS = 7
 """Visits on their way from the stacks to a request: three in registers, the others wait for their turn."""
 FEW = 2
 """Visits of nodes that may wait for their turn while others are chosen that may turn out to be needless."""
@@ -262,16 +262,25 @@ class Control(wiring.Component):
             stacks.read.position.eq(asked.position),
             self.time_read.context.eq(asked.context),
         ]
+        # What comes out of the RAM is compared and no more; the cycle after that decides.
         entry: data.View = stacks.read.entry
-        read_context = mask("read_context", only_if(read_valid, one_hot(read.context, contexts)))
-        drop = Signal()
-        leads_to_leaf = Signal()
-        beyond = Signal()
-        m.d.comb += [
-            leads_to_leaf.eq(~read.fresh & entry.leaf),
-            beyond.eq(~read.fresh & (entry.entry > self.time_read.time)),
-            drop.eq(read_valid & (beyond | (read_context & dead).any())),
+        met = Signal(
+            data.StructLayout({**node_visit(config).members, "leaf": 1, "beyond": 1, "near_below": 1}), reset_less=True
+        )
+        met_valid = Signal()
+        m.d.sync += [
+            met_valid.eq(read_valid),
+            met.context.eq(read.context),
+            met.address.eq(Mux(read.fresh, self.root, entry.address)),
+            met.rank.eq(Mux(read.fresh, 0, entry.rank)),
+            met.leaf.eq(~read.fresh & entry.leaf),
+            met.beyond.eq(~read.fresh & (entry.entry > self.time_read.time)),
+            met.near_below.eq(~read.fresh & entry.near_below),
         ]
+        met_context = mask("met_context", only_if(met_valid, one_hot(met.context, contexts)))
+        drop = Signal()
+        m.d.comb += drop.eq(met_valid & (met.beyond | (met_context & dead).any()))
+
         # A leaf does not wait behind a node, nor a node behind a leaf: that would cost the other's test a cycle.
         node_waits = Signal(node_visit(config))
         leaf_waits = Signal(leaf_visit(config))
@@ -279,18 +288,14 @@ class Control(wiring.Component):
         pop_leaf = Signal()
         m.submodules.node_pops = node_pops = SyncFIFO(width=len(Value.cast(node_waits)), depth=POPS)
         m.submodules.leaf_pops = leaf_pops = SyncFIFO(width=len(Value.cast(leaf_waits)), depth=POPS)
-        arriving = Signal(node_visit(config))
         m.d.comb += [
-            arriving.context.eq(read.context),
-            arriving.address.eq(Mux(read.fresh, self.root, entry.address)),
-            arriving.rank.eq(Mux(read.fresh, 0, entry.rank)),
-            node_pops.w_data.eq(Value.cast(arriving)),
-            node_pops.w_en.eq(read_valid & ~drop & ~leads_to_leaf),
+            node_pops.w_data.eq(Cat(met[name] for name in node_visit(config).members)),
+            node_pops.w_en.eq(met_valid & ~drop & ~met.leaf),
             node_pops.r_en.eq(~forward_node),
             Value.cast(node_waits).eq(node_pops.r_data),
             pop_node.eq(node_pops.r_rdy),
-            leaf_pops.w_data.eq(Cat(arriving.context, arriving.address)),
-            leaf_pops.w_en.eq(read_valid & ~drop & leads_to_leaf),
+            leaf_pops.w_data.eq(Cat(met[name] for name in leaf_visit(config).members)),
+            leaf_pops.w_en.eq(met_valid & ~drop & met.leaf),
             leaf_pops.r_en.eq(~forward_leaf),
             Value.cast(leaf_waits).eq(leaf_pops.r_data),
             pop_leaf.eq(leaf_pops.r_rdy),
@@ -360,7 +365,6 @@ class Control(wiring.Component):
         emptied = node_fail | node_restart | leaf_ends
         first = only_if(~self.start.payload.skip, start)
         alone = only_if(self.overlap <= 1, start)
-        read_near = Mux(read.fresh, 0, entry.near_below)
         pushed_near = only_if(nearness.bit_select((node.rank + 1)[:RANK_BITS], 1), node_push)
         m.d.sync += [
             taken.eq((taken | start) & ~released),
@@ -371,11 +375,11 @@ class Control(wiring.Component):
             by_leaf.eq((by_leaf & ~start) | (only_if(leaf.error != 0, leaf_ends) & ~node_fail)),
             restart.eq((restart | node_restart) & ~begins & ~leaf_ends),
             strict.eq((strict & ~start) | alone | begins),
-            near.eq((near & ~read_context & ~node_push) | only_if(read_near, read_context & ~node_push) | pushed_near),
+            near.eq((Mux(met.near_below, near | met_context, near & ~met_context) & ~node_push) | pushed_near),
         ]
         # The end of a visit counts a cycle late, when all else that follows from it has happened.
         visits = list[Value](outstanding.planes)
-        for name, over in (("dropped", only_if(drop, read_context)), ("node", node_end), ("leaf", leaf_context)):
+        for name, over in (("dropped", only_if(drop, met_context)), ("node", node_end), ("leaf", leaf_context)):
             ended_visits = Signal(contexts, name=f"{name}_visits_over")
             m.d.sync += ended_visits.eq(over)
             visits = minus(visits, ended_visits)
