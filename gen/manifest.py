@@ -32,9 +32,12 @@ PORTS = {
     "o__ready": "a result offered at this rising edge is taken",
     "o__payload": "the result, and its operands' tag in the highest bits",
     "load": "reads the header of the tree at `base`; rays wait meanwhile",
-    "base": "byte address of the tree, a multiple of 64",
+    "base": "byte address of the tree, a multiple of 64 (refused otherwise)",
     "loaded": "a usable tree is loaded",
     "load_error": "why the last header was refused, 0 if it was not",
+    "read_timeout": "cycles after which a read of the memory that is not answered fails, within as many again; 0: never",
+    "abort": "forgets rays and tree; reads under way are finished, their data dropped; then all is as after a reset",
+    "aborting": "an abort waits for reads under way",
     "overlap": "greatest number of visits of one ray in flight, from 1 (strict order) up",
     "count_clear": "sets all counters to zero",
 }

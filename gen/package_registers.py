@@ -5,7 +5,7 @@ from typing import Any
 STREAMS = ("clk", "rst", "i__", "o__", "m_axi_")
 """How the names of ports begin that are not control or status."""
 
-STROBES = ("load", "count_clear")
+STROBES = ("load", "abort", "count_clear")
 """Control ports that are high for one cycle."""
 
 WORD = 4

@@ -174,23 +174,25 @@ RAY_RESULT = np.dtype(
 )
 TRACE_ERRORS = {
     "none": 0,
-    "memory": 1,  # the memory answered with an error
+    "memory": 1,  # the memory answered with an error, with too few or too many beats, or not in time
     "outside": 2,  # a block beyond the image
     "kind": 3,  # a node where triangles should be, or the other way round, or neither
     "order": 4,  # children that do not lie behind their node: the tree has a cycle
     "header": 5,  # no usable tree is loaded
 }
 
-# What may be wrong with a tree that is to be loaded: the first of these that is.
+# What may be wrong with a tree that is to be loaded: "base" (then nothing is read), or else the first of these that is.
 LOAD_ERRORS = {
     "none": 0,
-    "memory": 1,  # the memory answered with an error
+    "memory": 1,  # the memory answered with an error, with too few or too many beats, or not in time
     "magic": 2,
     "version": 3,
     "check": 4,  # the check word
     "width": 5,  # more children a node than the hardware tests
     "levels": 6,  # none, or more than the hardware's stack has entries
     "blocks": 7,  # the root is not in the image
+    "base": 8,  # the tree's address is no multiple of a block's size
+    "size": 9,  # the image goes beyond the end of the address space
 }
 
 # Distances along a ray in the box test are counted along its dominant axis, in the ray's units (`box_setup`), with

@@ -8,6 +8,8 @@ from golden_model.formats import BLOCK_BYTES
 
 BLOCK_BITS = 8 * BLOCK_BYTES
 """What every unit reads at a time, as one burst."""
+OFFSET_BITS = (BLOCK_BYTES - 1).bit_length()
+"""Of a byte address, the lowest ones: zero at the beginning of a block."""
 INCR = 0b01
 """`arburst` of a burst over ascending addresses."""
 

@@ -1,6 +1,6 @@
 """Several AXI4 read masters on one port."""
 
-from amaranth import Cat, Module, Mux, Signal
+from amaranth import Cat, Module, Mux, ResetInserter, Signal
 from amaranth.lib import data
 from amaranth.lib.wiring import Component, In, Out
 
@@ -16,19 +16,25 @@ class AxiReadArbiter(Component):
     number above them. Both channels go through a buffer of two registers, so that neither side's ready is combinational
     in the other's: a cycle of latency each. Data goes to the master that its id names; a master that does not take its
     data holds up the others'.
+
+    `abort`, a strobe: from the next cycle on no address is offered but one that is already, which AXI does not let go.
+    `aborting` is high from then until all bursts have come to their end; their beats are taken and dropped. The masters
+    are to be held in reset by it.
     """
 
-    def __init__(self, count: int, *, address_width: int, data_width: int, id_width: int):
-        """`id_width` is that of the masters."""
+    def __init__(self, count: int, *, reads: int, address_width: int, data_width: int, id_width: int):
+        """`id_width` is that of the masters, which have at most `reads` bursts of a block each under way in all."""
         if count < 1:
             raise ValueError(f"an arbiter needs at least one master, not {count}")
-        self.count = count
+        self.count, self.reads = count, reads
         self.number_width = (count - 1).bit_length()
         widths = {"address_width": address_width, "data_width": data_width}
         super().__init__(
             {
                 "masters": In(AxiRead(**widths, id_width=id_width)).array(count),
                 "m_axi": Out(AxiRead(**widths, id_width=id_width + self.number_width)),
+                "abort": In(1),
+                "aborting": Out(1),
             }
         )
 
@@ -40,7 +46,9 @@ class AxiReadArbiter(Component):
         # --- addresses ------------------------------------------------------------------------------------------------
         names: tuple[str, ...] = ("araddr", "arid", "arlen", "arsize", "arburst")
         fields = data.StructLayout({name: len(getattr(port, name)) for name in names})
-        m.submodules.addresses = addresses = Buffer(fields)
+        addresses = Buffer(fields)
+        empties = Signal()  # the buffer, also of an address that waits behind the one that is offered
+        m.submodules.addresses = ResetInserter(empties)(addresses)
         asks = Signal(self.count)
         m.d.comb += [asks.eq(Cat(master.arvalid for master in masters)), addresses.i.valid.eq(asks.any())]
         chosen = next_of(m, "asker", asks, addresses.i.valid & addresses.i.ready)
@@ -58,7 +66,8 @@ class AxiReadArbiter(Component):
         # --- data -----------------------------------------------------------------------------------------------------
         names = ("rdata", "rid", "rresp", "rlast")
         fields = data.StructLayout({name: len(getattr(port, name)) for name in names})
-        m.submodules.beats = beats = Buffer(fields)
+        beats = Buffer(fields)
+        m.submodules.beats = ResetInserter(self.aborting)(beats)
         m.d.comb += [beats.i.valid.eq(port.rvalid), port.rready.eq(beats.i.ready)]
         m.d.comb += [beats.i.payload[name].eq(getattr(port, name)) for name in names]
         beat = beats.o.payload
@@ -75,4 +84,18 @@ class AxiReadArbiter(Component):
             ]
             ready.append(mine & master.rready)
         m.d.comb += beats.o.ready.eq(any_of(ready))
+
+        # --- the end of it all ----------------------------------------------------------------------------------------
+        # Beats are counted, not bursts: what is promised with an address does not depend on where the memory puts RLAST.
+        beats_of_block = port.signature.block_beats
+        left = Signal(range(self.reads * beats_of_block + 1))  # beats of the addresses that were taken
+        asked = Signal()
+        came = Signal()
+        m.d.comb += empties.eq((self.abort | self.aborting) & (~port.arvalid | port.arready))
+        m.d.sync += [
+            asked.eq(port.arvalid & port.arready),
+            came.eq(port.rvalid & port.rready),
+            left.eq(left + Mux(asked, beats_of_block, 0) - (came & (left != 0))),
+            self.aborting.eq(self.abort | (self.aborting & (port.arvalid | asked | (left != 0)))),
+        ]
         return m

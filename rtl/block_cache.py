@@ -16,8 +16,7 @@ from amaranth.lib import data, stream, wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import BLOCK_BYTES
-from rtl.axi import BLOCK_BITS, INCR, AxiRead
+from rtl.axi import BLOCK_BITS, INCR, OFFSET_BITS, AxiRead
 from rtl.block_fill import BlockFill
 from rtl.block_lines import BLOCK_NUMBER_BITS, BlockLines
 from rtl.pipeline import register
@@ -31,9 +30,10 @@ PATIENCE = 7
 class BlockCache(wiring.Component):
     """Set-associative, non-blocking; one request and one response a cycle, a hit answered 3 cycles after its request.
 
-    Ports: `i` {block: number of a block, tag}, `o` {data: the block, tag, error: the memory answered with one, and the
-    data means nothing}; `m_axi`, an AXI4 read master; `base`, the byte address of block 0, a multiple of 64;
-    `invalidate`, which forgets all blocks (nothing may be in flight then). Events, each a cycle long and one cycle
+    Ports: `i` {block: number of a block, tag}, `o` {data: the block, tag, error: the read failed, and the data means
+    nothing}; `m_axi`, an AXI4 read master; `base`, the byte address of block 0, a multiple of 64; `invalidate`, which
+    forgets all blocks (nothing may be in flight then); `tick`, a strobe: a read that is under way at two of them fails
+    (`rtl.block_fill` says what else makes one fail). Events, each a cycle long and one cycle
     after it happened: `hit`, `miss` (a read was started), `merged` (joined those that wait for the same block),
     `evicted` (a block gave way to another), and `stalled`: a request waits for a free line, miss or list entry.
     """
@@ -70,6 +70,7 @@ class BlockCache(wiring.Component):
                 "m_axi": Out(axi),
                 "base": In(address_width),
                 "invalidate": In(1),
+                "tick": In(1),
                 "hit": Out(1),
                 "miss": Out(1),
                 "merged": Out(1),
@@ -122,7 +123,8 @@ class BlockCache(wiring.Component):
         can_answer = Signal()
         impatient = Signal()
         m.d.comb += [
-            hit_first.eq(valid & lines.found & ~lines.awaited & ~(drain.valid & impatient)),
+            # Without a number for another read, blocks that are not there are answered with an error at once.
+            hit_first.eq(valid & Mux(lines.found, ~lines.awaited, fill.lost) & ~(drain.valid & impatient)),
             hit.eq(hit_first & can_answer),
             merge.eq(valid & lines.awaited & waiters.ready),
             miss.eq(valid & ~lines.found & lines.available & waiters.ready & misses.o.valid),
@@ -144,6 +146,7 @@ class BlockCache(wiring.Component):
             waiters.tag.eq(tag),
             waiters.first.eq(~lines.found),
             waiters.filled.eq(fill.filled),
+            waiters.ended.eq(fill.ended),
             waiters.filled_miss.eq(fill.miss),
             waiters.filled_line.eq(fill.line),
             waiters.filled_error.eq(fill.error),
@@ -155,7 +158,7 @@ class BlockCache(wiring.Component):
             self.hit.eq(hit),
             self.miss.eq(miss),
             self.merged.eq(merge),
-            self.stalled.eq(valid & (~lines.found | lines.awaited) & ~merge & ~miss),
+            self.stalled.eq(valid & Mux(lines.found, lines.awaited, ~fill.lost) & ~merge & ~miss),
             self.evicted.eq(miss & lines.evicts),
         ]
 
@@ -170,17 +173,16 @@ class BlockCache(wiring.Component):
             m.d.sync += overtaken.eq(overtaken + 1)
 
         # --- reads of the memory --------------------------------------------------------------------------------------
-        offset_bits = (BLOCK_BYTES - 1).bit_length()
-        unit = axi.address_width - offset_bits  # addresses count blocks
+        unit = axi.address_width - OFFSET_BITS  # addresses count blocks
         address = data.StructLayout({"block": unit, "miss": len(fill.miss)})
         m.submodules.addresses = addresses = Queue(address, self.misses)  # so it always has room
         m.d.comb += [
             addresses.i.valid.eq(miss),
-            addresses.i.payload.block.eq(self.base[offset_bits:] + block),
+            addresses.i.payload.block.eq(self.base[OFFSET_BITS:] + block),
             addresses.i.payload.miss.eq(misses.o.payload),
             self.m_axi.arvalid.eq(addresses.o.valid),
             addresses.o.ready.eq(self.m_axi.arready),
-            self.m_axi.araddr.eq(addresses.o.payload.block << offset_bits),
+            self.m_axi.araddr.eq(addresses.o.payload.block << OFFSET_BITS),
             self.m_axi.arid.eq(addresses.o.payload.miss),
             self.m_axi.arlen.eq(axi.block_beats - 1),
             self.m_axi.arsize.eq(axi.beat_size),
@@ -188,6 +190,8 @@ class BlockCache(wiring.Component):
             fill.start.eq(miss),
             fill.start_miss.eq(misses.o.payload),
             fill.start_line.eq(lines.victim),
+            fill.tick.eq(self.tick),
+            fill.passed.eq(waiters.passed),
             fill.rvalid.eq(self.m_axi.rvalid),
             self.m_axi.rready.eq(fill.rready),
             fill.rdata.eq(self.m_axi.rdata),
@@ -226,6 +230,6 @@ class BlockCache(wiring.Component):
         m.d.comb += [
             self.o.payload.data.eq(Cat(parts)),
             self.o.payload.tag.eq(register(m, answers, Mux(hit_first, tag, drain.payload.tag), "answer_tag")),
-            self.o.payload.error.eq(register(m, answers, ~hit_first & drain.payload.error, "answer_error")),
+            self.o.payload.error.eq(register(m, answers, Mux(hit_first, ~lines.found, drain.payload.error), "answer_error")),
         ]
         return m

@@ -19,7 +19,9 @@ class Waiters(Component):
       if `first`.
     - `filled`: the block of miss `filled_miss` is in line `filled_line`, or `filled_error`. A request may be added to
       its list in the same cycle at the latest.
-    - `free`, `free_miss`: the miss's number may be used again.
+    - `ended`: the read of miss `filled_miss` is over; as a rule with `filled`. Where `filled` comes without it, there is
+      no further event until `passed`, so that no more than one of each miss is on its way.
+    - `free`, `free_miss`: the miss's number may be used again, which is after both.
     - `o`: {line, error, tag, last: no more requests wait for this line}. It does not wait for anything but `o.ready`.
     """
 
@@ -36,6 +38,8 @@ class Waiters(Component):
                 "tag": In(tag_width),
                 "first": In(1),
                 "filled": In(1),
+                "ended": In(1),
+                "passed": Out(1),
                 "filled_miss": In(self.miss_width),
                 "filled_line": In(line_width),
                 "filled_error": In(1),
@@ -75,17 +79,20 @@ class Waiters(Component):
 
         # The lists whose block has come, in that order. The queue takes two cycles: what was added with `filled` is
         # then on the list.
-        done = data.StructLayout({"miss": self.miss_width, "line": self.line_width, "error": 1})
+        done = data.StructLayout({"miss": self.miss_width, "line": self.line_width, "error": 1, "list": 1, "ended": 1})
         m.submodules.lists = lists = Queue(done, self.misses)
         head = newest.read_port(domain="comb")
         next_list = Signal(done, reset_less=True)
         next_valid = Signal()
+        next_ended = Signal()  # valid, and its number is free when it moves
         next_moves = Signal()
         begin = Signal()  # the head of the next list is known
         taken = Signal()  # and is on its way
         load = Signal()
         m.d.comb += [
-            lists.i.valid.eq(self.filled),
+            lists.i.valid.eq(self.filled | self.ended),
+            lists.i.payload.list.eq(self.filled),
+            lists.i.payload.ended.eq(self.ended),
             lists.i.payload.miss.eq(self.filled_miss),
             lists.i.payload.line.eq(self.filled_line),
             lists.i.payload.error.eq(self.filled_error),
@@ -93,13 +100,15 @@ class Waiters(Component):
             lists.o.ready.eq(~next_valid | next_moves),
             load.eq(next_valid & next_moves),
             head.addr.eq(next_list.miss),
-            self.free.eq(load),
+            self.free.eq(next_ended & next_moves),
+            self.passed.eq(load & ~next_ended),
             self.free_miss.eq(next_list.miss),
         ]
         with m.If(lists.o.ready):
             m.d.sync += [next_valid.eq(lists.o.valid), next_list.eq(lists.o.payload)]
+            m.d.sync += next_ended.eq(lists.o.valid & lists.o.payload.ended)
         with m.If(next_moves):
-            m.d.sync += begin.eq(next_valid)
+            m.d.sync += begin.eq(next_valid & next_list.list)
         begin_number = register(m, load, head.data, "begin_number")
         begin_line = register(m, load, next_list.line, "begin_line")
         begin_error = register(m, load, next_list.error, "begin_error")

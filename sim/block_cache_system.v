@@ -48,7 +48,7 @@ module block_cache_system (
       .clk(clk), .rst(rst),
       .i__valid(i__valid), .i__ready(i__ready), .i__payload(i__payload),
       .o__valid(o__valid), .o__ready(o__ready), .o__payload(o__payload),
-      .base(base), .invalidate(invalidate),
+      .base(base), .invalidate(invalidate), .tick(1'b0),
       .m_axi_arvalid(arvalid), .m_axi_arready(arready), .m_axi_araddr(araddr), .m_axi_arid(arid),
       .m_axi_arlen(arlen), .m_axi_arsize(arsize), .m_axi_arburst(arburst),
       .m_axi_rvalid(rvalid), .m_axi_rready(rready), .m_axi_rdata(rdata), .m_axi_rid(rid), .m_axi_rresp(rresp),

@@ -88,6 +88,7 @@ class TraversalUnit:
             "ID_BITS": ports["m_axi_arid"],
             "LOAD_ERROR_BITS": ports["load_error"],
             "OVERLAP_BITS": ports["overlap"],
+            "TIMEOUT_BITS": ports["read_timeout"],
             "MEMORY_BITS": memory_bits,
             "COUNTER_NUMBER": len(self._counters),
             "COUNTERS": "".join(counters),
@@ -117,13 +118,14 @@ class TraversalUnit:
         stall_seed: int | None = None,
         bad_blocks: tuple[int, int] | None = None,
         base: int = BASE,
+        read_timeout: int = 0,
     ) -> TraversalRun:
         """A tree, uint32 (B, 16), block after block, and RAY_QUERY (N,) to what comes out.
 
         `overlap`: visits of a ray under way, else as many as the unit can. `latency` to `seed` are the memory's inputs
         (docs/axi_memory.md). `stall_seed` (1 to 2**63 - 1): the harness stalls both sides at random. `bad_blocks`: for
-        the first to the last of them the memory answers with an error. `base`: byte address of the tree, a multiple of
-        64. Raises TraversalError where the unit breaks a rule, InputError where the tree is larger than the memory.
+        the first to the last of them the memory answers with an error. `base`: byte address of the tree.
+        `read_timeout`: the unit's port. Raises TraversalError where the unit breaks a rule, InputError where the tree is larger than the memory.
         """
         if queries.dtype != RAY_QUERY:
             raise TypeError(f"queries are of dtype RAY_QUERY, not {queries.dtype}")
@@ -145,6 +147,7 @@ class TraversalUnit:
             "seed": seed,
             "stall_seed": stall_seed or 0,
             "base": base,
+            "read_timeout": read_timeout,
             # A ray may visit every block several times, one after the other.
             "patience": 1_000_000 + 8 * len(blocks) * (1000 + latency),
         }

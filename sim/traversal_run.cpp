@@ -120,6 +120,7 @@ void reset(Vtraversal_run& run, const VerilatedContext& context, const Options& 
     run.error_first = option("error_first", 0);
     run.error_last = option("error_last", 0);
     run.overlap = option("overlap", 1);
+    run.read_timeout = option("read_timeout", 0);
     run.base = option("base", 0);
     run.out_ready = 1;
     run.rst = 1;

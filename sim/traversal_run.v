@@ -24,6 +24,7 @@ module traversal_run (
     output wire                                  loaded,
     output wire [`LOAD_ERROR_BITS - 1:0]         load_error,
     input  wire [`OVERLAP_BITS - 1:0]            overlap,
+    input  wire [`TIMEOUT_BITS - 1:0]            read_timeout,
     input  wire                                  count_clear,
     output wire [64 * `COUNTER_NUMBER - 1:0]     counters,
 
@@ -88,6 +89,9 @@ module traversal_run (
       .loaded(loaded),
       .load_error(load_error),
       .overlap(visits),
+      .read_timeout(read_timeout),
+      .abort(1'b0),
+      .aborting(),
       .count_clear(clearing),
       `COUNTERS
       .m_axi_arvalid(arvalid),

@@ -11,11 +11,11 @@ from gen.formal.streams import Tracker, held
 from rtl.axi_read_arbiter import AxiReadArbiter
 
 ADDRESS, DATA = ("araddr", "arid", "arlen", "arsize", "arburst"), ("rdata", "rid", "rresp", "rlast")
-WIDTHS = {"address_width": 8, "data_width": 32, "id_width": 2}
+SHAPE = {"reads": 16, "address_width": 8, "data_width": 32, "id_width": 2}
 
 
 def _arbiter(count: int) -> tuple[AxiReadArbiter, Bench]:
-    component = AxiReadArbiter(count, **WIDTHS)
+    component = AxiReadArbiter(count, **SHAPE)
     return component, Bench(component)
 
 
@@ -80,7 +80,7 @@ def addresses(count: int) -> Bench:
 def data(count: int) -> Bench:
     component, bench = _arbiter(count)
     port, masters = component.m_axi, component.masters
-    low = WIDTHS["id_width"]
+    low = SHAPE["id_width"]
     if component.number_width:
         bench.assume(port.rid[low:] < count)
     valids = Cat(master.rvalid for master in masters)
@@ -102,7 +102,7 @@ def data(count: int) -> Bench:
     )
     _buffer_invariant(bench, tracker, "beats")
     for register, holds in (("first", "o__valid"), ("kept", "held")):
-        number = bench.inner(f"beats/{register}")[WIDTHS["data_width"] + low :][: component.number_width]
+        number = bench.inner(f"beats/{register}")[SHAPE["data_width"] + low :][: component.number_width]
         bench.require(f"{register}_for_somebody", ~bench.inner(f"beats/{holds}") | (number < count))
     return bench
 

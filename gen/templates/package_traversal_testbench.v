@@ -49,6 +49,9 @@ module {{ unit }}_tb;
       .loaded(loaded),
       .load_error(load_error),
       .overlap(overlap),
+      .read_timeout({{ widths.read_timeout }}'d5000),
+      .abort(1'b0),
+      .aborting(),
 {% for name in counters %}
       .count_{{ name }}(count_{{ name }}),
 {% endfor %}

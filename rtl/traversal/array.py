@@ -2,7 +2,7 @@
 # (an array is also made only to ask for its ports)
 """Several traversal units that share one stream of rays, one of results and one memory port."""
 
-from amaranth import Cat, Const, Module, Mux, Signal, Value
+from amaranth import Cat, Const, Module, Mux, ResetInserter, Signal, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -13,6 +13,7 @@ from rtl.config import Config
 from rtl.layouts import packet_of
 from rtl.one_hot import any_of, next_of
 from rtl.queues import Buffer
+from rtl.read_timer import TIMEOUT_BITS
 from rtl.traversal.counters import COUNTER_BITS
 from rtl.traversal.unit import Traversal
 
@@ -28,7 +29,7 @@ class TraversalArray(wiring.Component):
     A ray goes to a unit that is ready, results come from one that has one, both in turn. Results pass a buffer, and so
     do the memory port's channels: a cycle each. `loaded` is high when all units have loaded the tree, `load_error` is
     that of the first unit that has one. The counters are the sums of the units', a cycle later: `count_cycles` counts
-    the cycles of each.
+    the cycles of each. `aborting` is high until all units have come to the end of their reads.
     """
 
     def __init__(self, config: Config):
@@ -38,7 +39,11 @@ class TraversalArray(wiring.Component):
         unit = self._units[0]
         axi = unit.m_axi.signature
         self._arbiter = AxiReadArbiter(
-            config.units, address_width=axi.address_width, data_width=axi.data_width, id_width=axi.id_width
+            config.units,
+            reads=config.units * unit.reads,
+            address_width=axi.address_width,
+            data_width=axi.data_width,
+            id_width=axi.id_width,
         )
         self._result = packet_of(RAY_RESULT, config.tag_width)
         super().__init__(
@@ -51,6 +56,9 @@ class TraversalArray(wiring.Component):
                 "loaded": Out(1),
                 "load_error": Out(len(unit.load_error)),
                 "overlap": In(len(unit.overlap)),
+                "read_timeout": In(TIMEOUT_BITS),
+                "abort": In(1),
+                "aborting": Out(1),
                 "count_clear": In(1),
                 **{f"count_{name}": Out(COUNTER_BITS) for name in COUNTERS},
             }
@@ -64,22 +72,26 @@ class TraversalArray(wiring.Component):
             m.submodules[f"unit{k}"] = unit
             wiring.connect(m, unit.m_axi, arbiter.masters[k])
             m.d.comb += [
-                unit.load.eq(self.load),
+                unit.load.eq(self.load & ~self.aborting),
                 unit.base.eq(self.base),
                 unit.overlap.eq(self.overlap),
+                unit.read_timeout.eq(self.read_timeout),
+                unit.abort.eq(self.abort),
                 unit.count_clear.eq(self.count_clear),
             ]
         wiring.connect(m, arbiter.m_axi, wiring.flipped(self.m_axi))
+        m.d.comb += self.aborting.eq(any_of(unit.aborting for unit in units))
 
         # A unit is only ever offered a ray while it is ready, so no offer is withdrawn.
         takes = Signal()
         chosen = next_of(m, "taker", Cat(unit.i.ready for unit in units), takes)
-        m.d.comb += [self.i.ready.eq(chosen.any()), takes.eq(self.i.valid & self.i.ready)]
+        m.d.comb += [self.i.ready.eq(chosen.any() & ~self.aborting), takes.eq(self.i.valid & self.i.ready)]
         for k, unit in enumerate(units):
-            m.d.comb += [unit.i.payload.eq(self.i.payload), unit.i.valid.eq(self.i.valid & chosen[k])]
+            m.d.comb += [unit.i.payload.eq(self.i.payload), unit.i.valid.eq(takes & chosen[k])]
 
         # The buffer's `ready` does not wait for `valid`, so that the choice may change until a result is taken.
-        m.submodules.results = results = Buffer(self._result)
+        results = Buffer(self._result)
+        m.submodules.results = ResetInserter(self.aborting)(results)
         gives = Signal()
         chosen = next_of(m, "giver", Cat(unit.o.valid for unit in units), gives)
         each = [Mux(chosen[k], Value.cast(unit.o.payload), 0) for k, unit in enumerate(units)]

@@ -2,7 +2,9 @@
 # (a unit is also made only to ask for its ports)
 """The traversal unit: rays in, hits out, through a tree of boxes in memory."""
 
-from amaranth import Const, Module, Value
+from typing import Any
+
+from amaranth import Const, Module, ResetInserter, Signal, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -14,6 +16,7 @@ from rtl.config import Config
 from rtl.header_reader import HeaderReader
 from rtl.layouts import packet_of
 from rtl.queues import Queue, number_width
+from rtl.read_timer import TIMEOUT_BITS, ReadTimer
 from rtl.traversal.control import Control
 from rtl.traversal.counters import COUNTER_BITS, Counters
 from rtl.traversal.intake import LATTICE, Intake
@@ -37,6 +40,10 @@ class Traversal(wiring.Component):
     - `load`: strobe, a tree is to be used that begins at byte address `base`, a multiple of 64. Rays that are in the
       unit are finished first, and no ray enters before its header is read. Then `loaded` is high, or `load_error` says
       why not (`rtl.header_reader`); until then both are 0.
+    - `read_timeout`: a read of the memory that is not answered in more than this number of cycles, and at most twice
+      and some, fails (`rtl.read_timer`); 0: it is waited for.
+    - `abort`: strobe, rays and tree are forgotten. `aborting` is high from the next cycle until all reads under way have
+      been answered; no ray is taken meanwhile, and a `load` is lost. Then all is as after a reset.
     - `overlap`: how many visits of a ray may be under way, 1 to `config.overlap`.
     - `count_<name>`: counters (`rtl.traversal.counters`); `count_clear` sets them to 0.
     """
@@ -50,7 +57,9 @@ class Traversal(wiring.Component):
         }
         self._ports = ports
         self._header = HeaderReader(width=config.width, stack=config.stack, **ports)
-        self._arbiter = AxiReadArbiter(MASTERS, **ports)
+        self.reads = 1 + config.node_misses + config.triangle_misses
+        """Greatest number of reads under way."""
+        self._arbiter = AxiReadArbiter(MASTERS, reads=self.reads, **ports)
         super().__init__(
             {
                 "i": In(stream.Signature(packet_of(RAY_QUERY, config.tag_width))),
@@ -61,6 +70,9 @@ class Traversal(wiring.Component):
                 "loaded": Out(1),
                 "load_error": Out(len(self._header.load_error)),
                 "overlap": In(config.overlap.bit_length()),
+                "read_timeout": In(TIMEOUT_BITS),
+                "abort": In(1),
+                "aborting": Out(1),
                 "count_clear": In(1),
                 **{f"count_{name}": Out(COUNTER_BITS) for name in COUNTERS},
             }
@@ -70,14 +82,22 @@ class Traversal(wiring.Component):
         m = Module()
         config = self._config
         visits = config.contexts * config.overlap
-        m.submodules.loader = loader = Loader(config.address_width)
-        m.submodules.header_reader = header = self._header
-        m.submodules.intake = intake = Intake(config)
-        m.submodules.control = control = Control(config)
-        m.submodules.nodes = nodes = NodeStage(config)
-        m.submodules.leaves = leaves = LeafStage(config)
-        m.submodules.results = results = Results(config)
-        m.submodules.counters = counters = Counters()
+        m.submodules.arbiter = arbiter = self._arbiter
+
+        def part(name: str, component: Any) -> Any:
+            """A part that an abort resets."""
+            m.submodules[name] = ResetInserter(arbiter.aborting)(component)
+            return component
+
+        loader = part("loader", Loader(config.address_width))
+        header = part("header_reader", self._header)
+        timer = part("read_timer", ReadTimer())
+        intake = part("intake", Intake(config))
+        control = part("control", Control(config))
+        nodes = part("nodes", NodeStage(config))
+        leaves = part("leaves", LeafStage(config))
+        results = part("results", Results(config))
+        counters = part("counters", Counters())
 
         # --- the tree -----------------------------------------------------------------------------------------------
         m.d.comb += [
@@ -87,6 +107,8 @@ class Traversal(wiring.Component):
             loader.busy.eq(header.busy),
             header.load.eq(loader.go),
             header.base.eq(loader.next_base),
+            timer.timeout.eq(self.read_timeout),
+            header.tick.eq(timer.tick),
             intake.tree.eq(header.loaded),
             nodes.blocks.eq(header.blocks),
             control.root.eq(header.root),
@@ -98,10 +120,12 @@ class Traversal(wiring.Component):
             m.d.comb += [self.loaded.eq(header.loaded), self.load_error.eq(header.load_error)]
 
         # --- rays in and out ----------------------------------------------------------------------------------------
+        enters = Signal()
         m.d.comb += [
+            enters.eq(~(loader.loading | arbiter.aborting)),
             intake.i.payload.eq(self.i.payload),
-            intake.i.valid.eq(self.i.valid & ~loader.loading),
-            self.i.ready.eq(intake.i.ready & ~loader.loading),
+            intake.i.valid.eq(self.i.valid & enters),
+            self.i.ready.eq(intake.i.ready & enters),
         ]
         prepared = intake.o.payload
         starts = control.start.valid & control.start.ready
@@ -133,9 +157,9 @@ class Traversal(wiring.Component):
         caches = {}
         backlog: Value = Const(0)
         for name, requests in (("node", control.node_request), ("triangle", control.leaf_request)):
-            queue = m.submodules[f"{name}_queue"] = Queue(requests.payload.shape(), visits)
+            queue = part(f"{name}_queue", Queue(requests.payload.shape(), visits))
             backlog |= queue.more
-            caches[name] = cache = m.submodules[f"{name}_cache"] = BlockCache(
+            cache = BlockCache(
                 sets=getattr(config, f"{name}_sets"),
                 ways=getattr(config, f"{name}_ways"),
                 misses=getattr(config, f"{name}_misses"),
@@ -143,6 +167,7 @@ class Traversal(wiring.Component):
                 tag_width=len(Value.cast(requests.payload)),
                 **self._ports,
             )
+            caches[name] = part(f"{name}_cache", cache)
             wiring.connect(m, requests, queue.i)
             m.d.comb += [
                 cache.i.valid.eq(queue.o.valid),
@@ -151,6 +176,7 @@ class Traversal(wiring.Component):
                 queue.o.ready.eq(cache.i.ready),
                 cache.base.eq(header.tree_base),
                 cache.invalidate.eq(loader.go),
+                cache.tick.eq(timer.tick),
             ]
         m.d.comb += [control.backlog.eq(backlog), control.starved.eq(nodes.starved)]
         m.d.comb += [
@@ -162,7 +188,7 @@ class Traversal(wiring.Component):
         ]
         wiring.connect(m, nodes.o, control.node)
         # The leaf stage is done with visits in the order in which it takes them.
-        m.submodules.leaf_addresses = leaf_addresses = Queue(ADDRESS_BITS, leaves.latency + 2)
+        leaf_addresses = part("leaf_addresses", Queue(ADDRESS_BITS, leaves.latency + 2))
         block = control.leaf_request.payload.shape()(caches["triangle"].o.payload.tag)
         m.d.comb += [
             leaves.i.valid.eq(caches["triangle"].o.valid),
@@ -185,7 +211,7 @@ class Traversal(wiring.Component):
             m.d.comb += [port.context.eq(reader.context), reader.time.eq(port.time)]
 
         # --- memory -------------------------------------------------------------------------------------------------
-        m.submodules.arbiter = arbiter = self._arbiter
+        m.d.comb += [arbiter.abort.eq(self.abort), self.aborting.eq(arbiter.aborting)]
         for k, master in enumerate((header.m_axi, caches["node"].m_axi, caches["triangle"].m_axi)):
             wiring.connect(m, master, arbiter.masters[k])
         wiring.connect(m, arbiter.m_axi, wiring.flipped(self.m_axi))

@@ -15,7 +15,7 @@ from tests.gen.test_lint import WAIVERS, lint
 from tests.rtl.axi_slave import AxiSlave
 
 SEED = 90
-WIDTHS = {"address_width": 32, "data_width": 128, "id_width": 3}
+SHAPE = {"reads": 16, "address_width": 32, "data_width": 128, "id_width": 3}
 BEATS, LANES = 4, 16
 
 
@@ -69,7 +69,7 @@ class Master:
 def run(
     count: int, reads: int, *, shares: list[float] | None = None, take: float = 1.0, **slave: Any
 ) -> tuple[list[Master], AxiSlave]:
-    arbiter = AxiReadArbiter(count, **WIDTHS)
+    arbiter = AxiReadArbiter(count, **SHAPE)
     memory = AxiSlave(arbiter.m_axi, seed=SEED, **slave)
     memory.bad = {(k << 20) + page + 64 for k in range(count) for page in range(0, 64_000, 4096)}
     shares = shares or [1.0] * count
@@ -129,14 +129,14 @@ def test_who_asks_rarely_is_not_kept_waiting() -> None:
 
 def test_arbiters_that_cannot_be_built() -> None:
     with pytest.raises(ValueError, match="at least one master, not 0"):
-        AxiReadArbiter(0, **WIDTHS)
+        AxiReadArbiter(0, **SHAPE)
     for name, value in {"address_width": 65, "data_width": 100, "id_width": 0}.items():
         with pytest.raises(ValueError, match=f"{name} must be"):
-            AxiReadArbiter(2, **(WIDTHS | {name: value}))
+            AxiReadArbiter(2, **(SHAPE | {name: value}))
 
 
 @pytest.mark.parametrize("count", [1, 3])
 def test_verilog_is_clean(count: int, tmp_path: Path) -> None:
     source = tmp_path / "axi_read_arbiter.v"
-    source.write_text(convert(AxiReadArbiter(count, **WIDTHS), "axi_read_arbiter"))
+    source.write_text(convert(AxiReadArbiter(count, **SHAPE), "axi_read_arbiter"))
     assert lint(WAIVERS, source, top="axi_read_arbiter") == ""

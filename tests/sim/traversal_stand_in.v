@@ -4,7 +4,7 @@
 // `error`. A block that the memory cannot read gives error 1. Tags are the ids of the bursts, so answers come in any order.
 
 module traversal(clk, rst, i__valid, i__ready, i__payload, o__valid, o__ready, o__payload, load, base, loaded, load_error,
-    overlap, count_clear, count_rays, count_node_tests, count_leaf_visits, m_axi_arvalid, m_axi_arready, m_axi_araddr,
+    overlap, read_timeout, abort, aborting, count_clear, count_rays, count_node_tests, count_leaf_visits, m_axi_arvalid, m_axi_arready, m_axi_araddr,
     m_axi_arid, m_axi_arlen, m_axi_arsize, m_axi_arburst, m_axi_rvalid, m_axi_rready, m_axi_rdata, m_axi_rid, m_axi_rresp,
     m_axi_rlast);
   input clk;
@@ -20,6 +20,9 @@ module traversal(clk, rst, i__valid, i__ready, i__payload, o__valid, o__ready, o
   output loaded;
   output [3:0] load_error;
   input [2:0] overlap;
+  input [23:0] read_timeout;
+  input abort;
+  output aborting;
   input count_clear;
   output [47:0] count_rays;
   output [47:0] count_node_tests;
@@ -71,6 +74,7 @@ module traversal(clk, rst, i__valid, i__ready, i__payload, o__valid, o__ready, o
   assign count_rays = {16'd0, rays};
   assign count_node_tests = {16'd0, tests};
   assign count_leaf_visits = 0;
+  assign aborting = 0;
 
   always @(posedge clk) begin
     if (load) begin
