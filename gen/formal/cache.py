@@ -25,27 +25,37 @@ def waiters(misses: int, requests: int) -> Bench:
     listed = [Signal(name=f"listed{k}") for k in range(misses)]  # has a list that may grow
     filled = [Signal(name=f"filled{k}") for k in range(misses)]  # its block has come, its number is not free yet
     free_again = [Signal(name=f"free_again{k}") for k in range(misses)]  # it has had a list before
+    over = [Signal(name=f"over{k}") for k in range(misses)]  # so is its read
     line = [Signal(2, name=f"line{k}") for k in range(misses)]
     error = [Signal(name=f"error{k}") for k in range(misses)]
     answered = [Signal(name=f"answered{tag}") for tag in range(TAGS)]
     its_line = [Signal(2, name=f"its_line{tag}") for tag in range(TAGS)]
     its_error = [Signal(name=f"its_error{tag}") for tag in range(TAGS)]
 
-    # What the cache does: it adds where there is room, to a list that is not closed, and closes each list once.
+    # What the cache does: it adds where there is room, to a list that is not closed, and closes each list once. A read
+    # ends with that or later; where later, nothing comes in between but what has passed.
     bench.assume(component.miss < misses)
     bench.assume(component.filled_miss < misses)
     bench.assume(~component.add | (component.ready & ~Array(waits)[component.tag]))
     bench.assume(~component.add | (component.first == ~Array(listed)[component.miss]))
     bench.assume(~component.add | ~Array(filled)[component.miss])
     bench.assume(~component.filled | (Array(listed)[component.filled_miss] & ~Array(filled)[component.filled_miss]))
+    ending = component.filled_miss
+    bench.assume(~component.ended | ((Array(filled)[ending] | component.filled) & ~Array(over)[ending]))
+    alone = Signal()
+    leaves = component.filled & ~component.ended
+    m.d.sync += alone.eq((alone | leaves) & ~component.passed)
+    bench.assume(~alone | ~(component.filled | component.ended))
+    bench.require("passes_once", ~component.passed | alone)
     for k in range(misses):
         freed = component.free & (component.free_miss == k)
         m.d.sync += [
+            over[k].eq((over[k] | (component.ended & (ending == k))) & ~freed),
             listed[k].eq((listed[k] | (component.add & (component.miss == k))) & ~freed),
             filled[k].eq((filled[k] | (component.filled & (component.filled_miss == k))) & ~freed),
         ]
         m.d.sync += free_again[k].eq(free_again[k] | freed)
-        bench.require(f"freed{k}_once_filled", ~freed | filled[k])
+        bench.require(f"freed{k}_once_filled_and_over", ~freed | (filled[k] & over[k]))
         with m.If(component.filled & (component.filled_miss == k)):
             m.d.sync += [line[k].eq(component.filled_line), error[k].eq(component.filled_error)]
     for tag in range(TAGS):
@@ -77,6 +87,9 @@ def waiters(misses: int, requests: int) -> Bench:
     for k in range(TAGS):
         bench.assume(~(component.filled & waits[k] & answered[k]) | (its_line[k] != component.filled_line))
     bench.require("last_is_last", ~(o.valid & o.payload.last) | ~Cat(others).any())
+    later = Signal()
+    m.d.sync += later.eq(later | (component.ended & ~component.filled))
+    bench.reach("over_later", component.free & later)
     bench.reach("list_of_two", takes & o.payload.last & bench.past(takes & ~o.payload.last, "not_last"))
     bench.reach("full", ~component.ready)
     bench.reach("failed", takes & o.payload.error)
@@ -97,8 +110,8 @@ def waiters(misses: int, requests: int) -> Bench:
 def cache(*, sets: int, ways: int, misses: int, requests: int, tags: int, block_bits: int, again: bool = True) -> Bench:
     """Requests have `tags` different tags, all blocks have numbers of `block_bits`, and a block's data is its number.
 
-    The memory answers reads in any order, at any time, with or without an error. `again`: errors, and second reads of a
-    block and by a miss, are to be reached; that takes 15 to 18 cycles.
+    The memory answers reads in any order, at any time, with or without an error; some may take too long. `again`:
+    errors, and second reads of a block and by a miss, are to be reached; that takes 15 to 18 cycles.
     """
     component = BlockCache(
         sets=sets,
@@ -158,8 +171,9 @@ def cache(*, sets: int, ways: int, misses: int, requests: int, tags: int, block_
     right = o.payload.data == Array(wants)[number]
     bench.require("its_block", ~o.valid | o.payload.error | right)
     failed = Signal()  # some read has failed
-    m.d.sync += failed.eq(failed | (comes & axi.rresp[1]))
-    bench.require("no_error_of_its_own", ~(o.valid & o.payload.error) | failed)
+    ticks = Signal(2)
+    m.d.sync += [failed.eq(failed | (comes & axi.rresp[1])), ticks.eq(ticks + (component.tick & (ticks != 2)))]
+    bench.require("no_error_of_its_own", ~(o.valid & o.payload.error) | failed | (ticks == 2))
     events = component.hit + component.miss + component.merged
     bench.require("one_event_a_cycle", events <= 1)
     bench.reach("answered", leaves & ~o.payload.error)
@@ -168,6 +182,7 @@ def cache(*, sets: int, ways: int, misses: int, requests: int, tags: int, block_
     bench.reach("found", component.hit)
     bench.reach("address_waits", axi.arvalid & bench.past(axi.arvalid & ~axi.arready, "no_address"))
     if again:
+        bench.reach("late", comes & ~failed & bench.past(leaves & o.payload.error, "given_up"))
         bench.reach("answered_with_error", leaves & o.payload.error)
         bench.reach("read_again", asked & was_read.bit_select(axi.araddr[6 : 6 + block_bits], 1))
         bench.reach("number_used_again", asked & used_number.bit_select(axi.arid, 1))

@@ -2,7 +2,7 @@
 
 from functools import partial
 
-from amaranth import Array, Mux, Signal
+from amaranth import Array, Const, Mux, Signal
 
 from gen.formal.bench import Bench
 from gen.formal.properties import Induction, Property
@@ -26,60 +26,87 @@ def counters() -> Bench:
 
 
 def fill(data_width: int, misses: int) -> Bench:
-    """Follows one miss, any one; beats of the others come between its own."""
+    """Follows one miss, any one. The memory may do whatever it likes: any beat at any time, with or without RLAST."""
     axi = AxiRead(address_width=32, data_width=data_width, id_width=3)
     component = BlockFill(axi=axi, misses=misses, line_width=3)
     bench = Bench(component)
     m, lanes = bench.m, component.lanes
     who = bench.constant("who", range(misses))
     bench.assume(who < misses)
-    under_way = Signal()
-    line = Signal(3)
-    beats = Signal(range(lanes + 1))
-    failed = Signal()
+    looks = bench.inner("look") & (bench.inner("looked") == who)
+    beat = component.rvalid & component.rready & (component.rid == who)
     starts = component.start & (component.start_miss == who)
-    beat = component.rvalid & (component.rid == who)
-    m.d.sync += under_way.eq((under_way | starts) & ~(beat & component.rlast))
-    with m.If(starts):
-        m.d.sync += [line.eq(component.start_line), beats.eq(0), failed.eq(0)]
-    with m.If(beat):
-        m.d.sync += [beats.eq(beats + 1), failed.eq(failed | component.rresp[1])]
-    # The memory answers what was asked, in bursts of a block; a miss is not started again before its last beat.
-    bench.assume(~starts | ~under_way)
-    bench.assume(~beat | under_way)
-    bench.assume(~beat | (component.rlast == (beats == lanes - 1)))
-    bench.assume(~component.rvalid | (component.rid < misses))
+    wanted = Signal()
+    aged = Signal()  # wanted, and found so by a look
+    given_up = Signal()
+    line = Signal(3)
+    beats = Signal(range(lanes))  # the number of the next one, at most the last one's
+    failed = Signal()
+    # A number is started when it is free.
+    bench.assume(~starts | ~(wanted | given_up))
     bench.assume(~component.start | (component.start_miss < misses))
 
-    came = bench.past(beat, "beat")
-    bench.require("always_taken", component.rready)
-    bench.require("written_when_it_comes", ~came | component.write)
-    bench.require("nothing_else_written", component.write == bench.past(component.rvalid, "rvalid"))
-    bench.require("to_its_line", ~came | (component.line == bench.past(line, "line")))
+    at_end = beats == lanes - 1
+    right = at_end & component.rlast
+    wrong = at_end ^ component.rlast
+    late = looks & wanted & aged
+    fills = wanted & ((beat & (right | wrong)) | late)
+    ends = beat & (wanted | given_up) & right
+    m.d.sync += [
+        wanted.eq((wanted & ~fills) | starts),
+        aged.eq((aged | (looks & wanted)) & ~fills),
+        given_up.eq((given_up | (fills & ~ends)) & ~ends),
+        beats.eq(Mux(ends, 0, beats + (beat & (wanted | given_up) & ~at_end))),
+        failed.eq((failed | (beat & wanted & component.rresp[1])) & ~fills),
+    ]
+    with m.If(starts):
+        m.d.sync += line.eq(component.start_line)
+
+    mine = component.miss == who
+    came = bench.past(beat & wanted, "beat")
+    filled, ended = bench.past(fills, "fills"), bench.past(ends, "ends")
+    bench.require("written_while_awaited", (component.write & mine) == came)
+    bench.require("to_its_line", ~(came | filled) | (component.line == bench.past(line, "line")))
     bench.require("to_its_place", ~came | (component.lane == bench.past(beats, "beats")))
     bench.require("its_data", ~came | (component.data == bench.past(component.rdata, "rdata")))
-    ends = bench.past(beat & component.rlast, "ends")
-    bench.require("filled_with_the_last", (component.filled & (component.miss == who)) == ends)
-    bench.require("any_error", ~ends | (component.error == bench.past(failed | component.rresp[1], "error")))
-    bench.reach("filled_with_error", component.filled & component.error)
+    bench.require("filled_when_it_ends", (component.filled & mine) == filled)
+    bench.require("free_when_over", (component.ended & mine) == ended)
+    error = bench.past(wrong | late | failed | component.rresp[1], "error")
+    bench.require("any_error", ~filled | (component.error == error))
+    for name, case in {
+        "right": right & ~failed,
+        "failed": right & failed if lanes > 1 else right & component.rresp[1],
+        "without_last": at_end & ~component.rlast,
+        "early_last": ~at_end & component.rlast if lanes > 1 else Const(1),
+    }.items():
+        bench.reach(name, wanted & beat & case)
+    bench.reach("late", late)
+    bench.reach("free_after_all", given_up & ends)
+
+    # An event that leaves its number in use is by itself until it has passed.
+    alone = Signal()
+    leaves = component.filled & ~component.ended
+    m.d.sync += alone.eq((alone | leaves) & ~component.passed)
+    bench.require("alone", ~alone | ~(component.write | component.filled | component.ended))
+    bench.require("held_meanwhile", bench.inner("hold") == (alone | leaves))
+    looking = bench.inner("looking")
+    waits = looking & component.rvalid & component.rready
+    bench.require("looks_wait_one_cycle", ~(waits & bench.past(waits, "waits")))
+    bench.require("yields", bench.inner("yields") == bench.past(waits, "waited"))
+    bench.require("looked_in_range", bench.inner("looked") < misses)
 
     # The invariant: what the component remembers of the miss.
-    bench.require("line_remembered", ~under_way | (bench.peek("lines", who, "remembered") == line))
-    bench.require("beats_in_range", beats <= lanes)
-    bench.require("beats_under_way", ~under_way | (beats < lanes))
+    bench.require("line_remembered", ~wanted | (bench.peek("lines", who, "remembered") == line))
+    bench.require("wanted", Array(bench.inner("wanted"))[who] == wanted)
+    bench.require("marked", Array(bench.inner("marked"))[who] == (aged | given_up))
+    bench.require("one_of_both", ~(wanted & given_up) & (wanted | ~aged) & (wanted | ~failed))
+    bench.require("idle_at_the_first", wanted | given_up | (beats == 0))
+    for k in range((lanes - 1).bit_length()):
+        bench.require(f"counted{k}", Array(bench.inner(f"place{k}"))[who] == beats[k])
     if lanes > 1:
-        # A beat is counted in the cycle after it came.
-        expected = Signal(range(lanes + 1))
-        m.d.comb += expected.eq(Mux(under_way, beats - came, Mux(came, lanes - 1, 0)))
-        for k in range((lanes - 1).bit_length()):
-            plane = bench.inner(f"beats{k}")
-            bench.require(f"counted{k}", Array(plane)[who] == expected[k])
-        remembered = Array(bench.inner("failed"))[who]
-        seen = remembered | (came & bench.inner("beat_failed"))
-        bench.require("failure_remembered", Mux(under_way | came, failed == seen, ~remembered))
+        bench.require("failure_remembered", Array(bench.inner("failed"))[who] == failed)
     else:
-        bench.require("failure_seen", ~came | (failed == bench.inner("beat_failed")))
-    bench.require("starts_without_failure", ~under_way | (beats != 0) | ~failed)
+        bench.require("no_failure_before", ~failed)
     return bench
 
 
@@ -97,10 +124,10 @@ def properties() -> list[Property]:
             Property(
                 unit="block_fill",
                 name=f"beats-{width}",
-                says="beats of any misses in any order: each to its line and place; whole, and failed, when it is",
+                says="any beats at any time: each to its line and place; whole, failed, late and over when it is; none twice",
                 method=Induction(depth=2),
                 build=partial(fill, width, 5),
-                reach=512 // width + 4,
+                reach=512 // width + 16,
                 quick=width == 128,
             )
             for width in (64, 128, 512)
