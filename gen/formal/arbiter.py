@@ -16,7 +16,7 @@ SHAPE = {"reads": 16, "address_width": 8, "data_width": 32, "id_width": 2}
 
 def _arbiter(count: int) -> tuple[AxiReadArbiter, Bench]:
     component = AxiReadArbiter(count, **SHAPE)
-    return component, Bench(component)
+    return component, Bench(component, driven={"abort"})  # which is never asked for, but in `aborts`
 
 
 def _fields(port: object, names: tuple[str, ...]) -> Value:
@@ -25,6 +25,7 @@ def _fields(port: object, names: tuple[str, ...]) -> Value:
 
 def addresses(count: int) -> Bench:
     component, bench = _arbiter(count)
+    bench.require("no_abort", ~component.aborting)
     m, port, masters = bench.m, component.m_axi, component.masters
     takes = Cat(master.arvalid & master.arready for master in masters)
     one_at_a_time = (takes & (takes - 1)[:count]) == 0
@@ -79,6 +80,7 @@ def addresses(count: int) -> Bench:
 
 def data(count: int) -> Bench:
     component, bench = _arbiter(count)
+    bench.require("no_abort", ~component.aborting)
     port, masters = component.m_axi, component.masters
     low = SHAPE["id_width"]
     if component.number_width:
@@ -107,6 +109,46 @@ def data(count: int) -> Bench:
     return bench
 
 
+def aborts(count: int) -> Bench:
+    """A memory that gives the beats which it was asked for, when it likes; and masters that forget all when told to."""
+    component, bench = _arbiter(count)
+    m, port, masters = bench.m, component.m_axi, component.masters
+    beats = port.signature.block_beats
+    m.d.comb += component.abort.eq(bench.any("abort"))
+    asked, came = port.arvalid & port.arready, port.rvalid & port.rready
+    left = Signal(range(component.reads * beats + 1))
+    m.d.sync += left.eq(left + Mux(asked, beats, 0) - came)
+    bench.assume(~port.rvalid | (left != 0))
+    bench.assume(~asked | (left <= (component.reads - 1) * beats))
+
+    late_asked, late_came = bench.inner("asked"), bench.inner("came")
+    bench.require("count_is_exact", left + late_came == bench.inner("left") + Mux(late_asked, beats, 0))
+    bench.require("counted_before_it_came", ~late_came | (bench.inner("left") != 0))
+    held(bench, "ar", port.arvalid, port.arready, _fields(port, ADDRESS))
+    closed = component.abort | component.aborting
+    waits = bench.past(port.arvalid & ~port.arready, "waits")
+    bench.require("nothing_new", ~(bench.past(closed, "closed") & port.arvalid) | waits)
+    bench.require("aborts_at_once", ~bench.past(component.abort, "abort") | component.aborting)
+    before = bench.past(component.aborting, "aborting")
+    bench.require("takes_all", ~(before & component.aborting) | port.rready)
+    ends = before & ~component.aborting
+    quiet = ~Cat(master.rvalid for master in masters).any()
+    bench.require("gives_nothing", ~before | quiet)
+    bench.require("ends_when_all_is_over", ~ends | ((left == 0) & ~port.arvalid & quiet))
+    over = Signal(2)  # cycles since all was over
+    done = component.aborting & ~component.abort & (left == 0) & ~port.arvalid
+    m.d.sync += over.eq(Mux(done, over + (over != 3), 0))
+    bench.require("ends_then", over <= 2)
+    settled = Mux(over == 2, (bench.inner("left") == 0) & ~late_asked, ~(late_asked & (over != 0)))
+    bench.require("counted_then", ~done | settled)
+    bench.require("first_before_second", bench.inner("addresses/o__valid") | ~bench.inner("addresses/held"))
+    bench.reach("beats_come", before & came & (left > 1))
+    bench.reach("address_waits", before & component.aborting & waits)
+    bench.reach("again", component.aborting & component.abort & (left != 0))
+    bench.reach("goes_on", port.arvalid & ~component.aborting & bench.past(ends, "ended"))
+    return bench
+
+
 def _number(k: int, count: int) -> Value:
     return Const(k, (count - 1).bit_length())
 
@@ -122,6 +164,16 @@ def _buffer_invariant(bench: Bench, tracker: Tracker, name: str) -> None:
 
 def properties() -> list[Property]:
     return [
+        Property(
+            unit="axi_read_arbiter",
+            name="abort",
+            says="after an abort no new address; beats counted exactly, taken, dropped; over when all have come, not before",
+            method=Induction(depth=3),
+            build=partial(aborts, 2),
+            reach=20,
+            quick=True,
+        ),
+    ] + [
         Property(
             unit="axi_read_arbiter",
             name=f"{channel}-{count}",

@@ -2,15 +2,29 @@
 
 import random
 from collections import deque
+from dataclasses import dataclass
 from typing import Any
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wrong:
+    """How a block is answered that is not answered as it was asked for."""
+
+    beats: int
+    """So many come."""
+    last: frozenset[int] = frozenset()
+    """Which of them have RLAST, from 0 up."""
+    after: int = 0
+    """Cycles that the answer takes longer than others."""
 
 
 class AxiSlave:
     """Answers reads from `content` (byte address of a word of the bus to its data) after `latency` cycles.
 
     With `reorder`, bursts of different ids overtake each other and their beats come mixed; with `stall`, that part of
-    the cycles has no arready, and that part no new beat. Beats at an address in `bad` are errors (SLVERR). Call `drive`
-    after each clock edge, and `sample` when everything has settled.
+    the cycles has no arready, and that part no new beat. Beats at an address in `bad` are errors (SLVERR); blocks at an
+    address in `wrong` are answered as that says. Call `drive` after each clock edge, and `sample` when everything has
+    settled. No id may have two bursts under way, until all beats of the first have been taken.
     """
 
     def __init__(self, axi: Any, *, latency: int = 1, reorder: bool = False, stall: float = 0.0, seed: int = 0):
@@ -18,14 +32,22 @@ class AxiSlave:
         self.latency, self.reorder, self.stall = latency, reorder, stall
         self.random = random.Random(seed)
         self.bad: set[int] = set()
+        self.wrong: dict[int, Wrong] = {}
         self.lanes = axi.signature.data_width // 8
         self.cycle = 0
-        self.bursts: deque[list[int]] = deque()  # id, next address, beats left, cycle from which beats may come
+        self.bursts: deque[list[Any]] = deque()  # id, next address, beats, cycle from which they may come, given, last
+        self.ids: set[int] = set()
         self.beat: tuple[int, ...] | None = None  # id, data, response, last
         self.reads: list[int] = []
-        self.under_way = 0
+        self.asked: list[int] = []
+        """Their ids."""
         self.most_under_way = 0
         self._waiting: tuple[int, ...] | None = None
+
+    @property
+    def under_way(self) -> int:
+        """Bursts whose last beat has not been taken."""
+        return len(self.ids)
 
     @staticmethod
     def word(address: int, lanes: int) -> int:
@@ -52,10 +74,11 @@ class AxiSlave:
         if not ready:
             return
         burst = self.random.choice(ready) if self.reorder else ready[0]
-        identity, address, left, _ = burst
-        self.beat = (identity, self.word(address, self.lanes), 2 if address in self.bad else 0, int(left == 0))
-        burst[1:3] = address + self.lanes, left - 1
-        if left == 0:
+        identity, address, beats, _, given, last = burst
+        self.beat = (identity, self.word(address, self.lanes), 2 if address in self.bad else 0, int(given in last))
+        burst[1], burst[4] = address + self.lanes, given + 1
+        self._ends = burst[4] == beats
+        if self._ends:
             self.bursts.remove(burst)
 
     def sample(self, ctx: Any) -> None:
@@ -72,12 +95,18 @@ class AxiSlave:
                 assert (length + 1) * self.lanes == 64
                 assert 1 << size == self.lanes
                 assert kind == 1
-                self.bursts.append([identity, address, length, self.cycle + self.latency - 1])
+                assert identity not in self.ids, "a burst of this id is under way"
+                answer = self.wrong.get(address, Wrong(beats=length + 1, last=frozenset({length})))
+                begin = self.cycle + self.latency + answer.after - 1
                 self.reads.append(address)
-                self.under_way += 1
+                self.asked.append(identity)
+                if answer.beats:
+                    self.bursts.append([identity, address, answer.beats, begin, 0, answer.last])
+                self.ids.add(identity)
                 self.most_under_way = max(self.most_under_way, self.under_way)
         else:
             assert self._waiting is None, "arvalid was withdrawn"
         if self.beat is not None and ctx.get(axi.rready):
-            self.under_way -= self.beat[3]
+            if self._ends:
+                self.ids.discard(self.beat[0])
             self.beat = None

@@ -19,7 +19,7 @@ from rtl.queues import number_width
 from sim import toolchain, verilated
 from sim.runner import BenchError, run_cocotb
 from tests.gen.test_lint import WAIVERS, lint
-from tests.rtl.axi_slave import AxiSlave
+from tests.rtl.axi_slave import AxiSlave, Wrong
 from tests.simulators import SIMULATORS, needs_icarus
 
 SIM = Path(__file__).parents[2] / "sim"
@@ -133,11 +133,15 @@ def test_bench_catches_a_broken_cache(original: str, mutant: str, only: str, mes
 
 
 class Run:
-    """Requests through a cache in Amaranth's simulator, one a cycle, answers always taken."""
+    """Requests through a cache in Amaranth's simulator, one a cycle, answers always taken.
 
-    def __init__(self, latency: int = 10, **shape: int):
-        self.cache = BlockCache(**({"misses": 8, "requests": 32, "tag_width": 12} | shape))
-        self.memory = AxiSlave(self.cache.m_axi, latency=latency, seed=SEED)
+    `ticks`: cycles from one tick to the next, 0 for none; `memory`: how the memory answers, beside its latency.
+    """
+
+    def __init__(self, latency: int = 10, ticks: int = 0, memory: dict[str, Any] | None = None, **shape: int):
+        self.cache = BlockCache(**({"sets": 4, "ways": 2, "misses": 8, "requests": 32, "tag_width": 12} | shape))
+        self.memory = AxiSlave(self.cache.m_axi, latency=latency, **({"seed": SEED} | (memory or {})))
+        self.ticks = ticks
         self.events: dict[str, list[int]] = {name: [] for name in ("hit", "miss", "merged", "stalled", "evicted")}
         self.sent_at: list[int] = []
         self.answers: dict[int, tuple[int, int, int]] = {}
@@ -165,6 +169,7 @@ class Run:
                 ctx.set(cache.i.valid, int(bool(blocks)))
                 if blocks:
                     ctx.set(cache.i.payload, {"block": blocks[0], "tag": number})
+                ctx.set(cache.tick, int(self.ticks > 0 and cycle % self.ticks == 0))
                 self.memory.drive(ctx)
                 self.memory.sample(ctx)
                 self.under_way.append(self.memory.under_way)
@@ -330,6 +335,150 @@ def test_invalidate_forgets_all() -> None:
     run([1, 2, 3], [1, 2, 3], [1, 2, 3], between=move)
     assert run.memory.reads == [64, 128, 192, 0x4040, 0x4080, 0x40C0]
     assert run.answers[8][2] == block_data(0x40C0)
+
+
+def test_lines_count_as_unused_when_all_is_forgotten() -> None:
+    """Three of the four lines of each set were hit. When all blocks are forgotten any of the four may be given away
+    first, not the same one again and again."""
+    sets, ways = 16, 4
+    columns = [list(range(sets * way, sets * (way + 1))) for way in range(2 * ways)]
+    hot = columns[: ways - 1] * 4
+    run = Run(latency=1, sets=sets, ways=ways, misses=16, requests=64)
+    before = 0
+
+    def forget(ctx: Any, phase: int) -> None:
+        nonlocal before
+        if phase == len(hot) - 1:
+            ctx.set(run.cache.invalidate, 1)
+            before = run.count()["evicted"]
+
+    run(*hot, *columns[ways:], between=forget)
+    assert run.count()["hit"] >= (ways - 1) * sets
+    # From the line that was not hit alone, all but the first of a set's new blocks push the one before out: 3 in 4.
+    assert 0 < run.count()["evicted"] - before < 2 * sets
+
+
+# --- reads that do not end as they should -----------------------------------------------------------------------------
+
+WIDTHS = (32, 64, 128, 256, 512)
+
+
+def wrong_ends(beats: int) -> dict[str, tuple[Wrong, bool]]:
+    """Every way in which RLAST can be wrong in a block of `beats`: the answer, and whether the read can be over."""
+    whole = frozenset({beats - 1})
+    ends = {"no RLAST": (Wrong(beats=beats), False), "a beat too many": (Wrong(beats=beats + 1, last=whole | {beats}), True)}
+    ends |= {f"RLAST {more} beats late": (Wrong(beats=beats + more, last=frozenset({beats - 1 + more})), True) for more in (1, 3)}
+    for k in sorted({0, 1, beats // 2, beats - 2} & set(range(beats - 1))):
+        ends[f"RLAST on beat {k}"] = (Wrong(beats=beats, last=frozenset({k})), False)
+        ends[f"RLAST on beat {k}, too"] = (Wrong(beats=beats, last=whole | {k}), True)
+        ends[f"{k + 1} beats"] = (Wrong(beats=k + 1, last=frozenset({k})), False)
+    return ends
+
+
+@pytest.mark.parametrize("data_width", WIDTHS)
+def test_a_read_that_ends_wrongly_fails(data_width: int) -> None:
+    """Those that wait for the block get the error, all others their blocks; no number is used before the read that had
+    it is over (the memory watches that), so nothing that comes late is taken for another block's."""
+    beats = 512 // data_width
+    for name, (answer, ends) in wrong_ends(beats).items():
+        run = Run(latency=3, misses=2, data_width=data_width)
+        run.memory.wrong = {64 * 7: answer}
+
+        def mend(ctx: Any, phase: int, run: Run = run) -> None:
+            run.memory.wrong = {}
+
+        others = list(range(8, 14))
+        run([7, 6, 7], [7, *others], between=mend)
+        extra = name == "a beat too many"  # the block was whole before that
+        errors = [run.answers[k][1] for k in range(len(run.answers))]
+        assert errors == [int(not extra), 0, int(not extra)] + [0] * (1 + len(others)), name
+        for k, block in enumerate([7, 6, 7, 7, *others]):
+            assert errors[k] or run.answers[k][2] == block_data(64 * block), f"{name}: request {k}"
+        assert run.memory.reads.count(64 * 7) == 1 + (not extra), name
+        assert run.memory.most_under_way == 2
+        # The number of a read that may not be over is not used again.
+        ids = {asked for asked in run.memory.asked[-6:]}
+        assert len(ids) == 1 + (ends or extra), f"{name}: {ids}"
+
+
+def test_without_numbers_all_that_is_not_there_fails_at_once() -> None:
+    run = Run(latency=3, misses=1, data_width=128)
+    run.memory.wrong = {64 * 7: Wrong(beats=4)}  # no RLAST, for ever
+    run([5], [7], [8, 5, 9, 7, 5])
+    assert [run.answers[k][1] for k in range(7)] == [0, 1, 1, 0, 1, 1, 0]
+    assert run.answers[6][2] == block_data(64 * 5)
+    assert run.memory.reads == [64 * 5, 64 * 7]
+    assert [run.answers[k][0] - run.sent_at[k] for k in range(2, 7)] == [3] * 5
+
+
+@pytest.mark.parametrize("data_width", [32, 512])
+def test_a_late_read_fails_and_gives_its_number_back_when_it_is_over(data_width: int) -> None:
+    late = Wrong(beats=512 // data_width, last=frozenset({512 // data_width - 1}), after=250)
+    run = Run(latency=3, ticks=50, misses=2, data_width=data_width)
+    run.memory.wrong = {64 * 7: late, 64 * 8: late}
+    fine = list(range(9, 15)) * 20
+
+    def wait(ctx: Any, phase: int) -> None:
+        if phase == 1:
+            assert run.memory.under_way == 2
+
+    run([7, 8, 7], [5], fine, fine, [7], between=wait)
+    for k in range(3):
+        cycle, error, _ = run.answers[k]
+        assert error
+        assert 50 < cycle - run.sent_at[0] < 2 * 50 + 60  # the second waits until what waits for the first is answered
+    assert run.answers[3][1], "no number is left"
+    errors = [run.answers[4 + k][1] for k in range(2 * len(fine))]
+    back = errors.index(0)
+    assert not any(errors[back:]), "numbers are back"
+    assert run.answers[4 + back][2] == block_data(64 * fine[back % len(fine)])
+    last = len(run.answers) - 1
+    assert run.answers[last][1], "it is read again, and late again"
+
+
+def test_a_read_that_the_memory_does_not_accept_is_late_too() -> None:
+    """Its address stays until it is taken; then its data are dropped."""
+    run = Run(latency=3, ticks=40, misses=2, memory={"stall": 1.0})
+
+    def open_(ctx: Any, phase: int) -> None:
+        run.memory.stall = 0.0
+
+    run([7, 8], [9] * 3, list(range(10, 30)), between=open_)
+    assert [run.answers[k][1] for k in range(2)] == [1, 1]
+    assert not any(run.answers[k][1] for k in range(8, 25))
+    assert run.memory.reads[:2] == [64 * 7, 64 * 8]
+
+
+@pytest.mark.parametrize("data_width", [32, 128, 512])
+def test_any_wrong_ends_among_good_ones(data_width: int) -> None:
+    """Late, short, long and without end, in any order and mixed: an answer is the block, or an error where that can be,
+    and when the memory has done with all of them, all is well."""
+    rng = random.Random(SEED + data_width)
+    beats = 512 // data_width
+    ends = [answer for answer, over in wrong_ends(beats).values() if over]
+    ticks = 40 + 10 * beats
+    ends += [Wrong(beats=beats, last=frozenset({beats - 1}), after=k * ticks) for k in (1, 3, 4)]
+    memory = {"stall": 0.2, "reorder": True, "seed": SEED}
+    run = Run(latency=8, ticks=ticks, misses=4, data_width=data_width, memory=memory)
+    run.memory.wrong = {64 * block: rng.choice(ends) for block in rng.sample(range(40), 12)}
+    wrong = dict(run.memory.wrong)
+    phases = [[rng.randrange(40) for _ in range(100)] for _ in range(4)]
+
+    def mend(ctx: Any, phase: int) -> None:
+        if phase == 2:
+            run.memory.wrong = {}
+
+    run(*phases, [rng.randrange(40) for _ in range(50)], between=mend)
+    blocks = [block for phase in phases for block in phase]
+    for k, block in enumerate(blocks):
+        cycle, error, data = run.answers[k]
+        where = f"seed {SEED}, {data_width} bits, request {k}, block {block}"
+        assert error or data == block_data(64 * block), where
+        all_numbers = 4 in run.under_way[cycle - 8 : cycle]
+        assert not error or 64 * block in wrong or all_numbers, f"{where}: error"
+    assert sum(run.answers[k][1] for k in range(300)) > 20
+    assert not any(run.answers[k][1] for k in range(400, 450))
+    assert not run.memory.under_way
 
 
 def test_numbers_of_all_bits_are_told_apart() -> None:

@@ -297,6 +297,8 @@ def test_the_loader_waits_for_rays() -> None:
         assert ctx.get(loader.go) == 0
         ctx.set(loader.busy, 0)
         assert (ctx.get(loader.go), ctx.get(loader.next_base)) == (1, 192)
+        await strobe(256)  # in the very cycle in which that begins
+        assert (ctx.get(loader.go), ctx.get(loader.next_base)) == (1, 256)
         await ctx.tick()
         assert (ctx.get(loader.go), ctx.get(loader.loading)) == (0, 0)
 
