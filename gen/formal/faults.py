@@ -105,25 +105,24 @@ _FAULTS = (
     Mutation(
         name="beats-not-cleared",
         file=FILL,
-        old="Mux(after & ~last, chosen, 0)",
-        new="Mux(after, chosen, 0)",
+        old="(plane ^ if_chosen(counts & (now ^ after))) & ~if_chosen(ends)",
+        new="plane ^ if_chosen(counts & (now ^ after))",
         what="the number of the next beat is not cleared with the last one",
         checks=("block_fill/beats-128",),
-        equivalent="blocks come whole: after the last beat the number wraps to zero by itself",
     ),
     Mutation(
         name="error-stays",
         file=FILL,
-        old="Mux(self.error & ~last, chosen, 0)",
-        new="Mux(self.error, chosen, 0)",
+        old="failed & ~if_chosen(fills) | if_chosen(",
+        new="failed | if_chosen(",
         what="the next block of a miss that failed fails too",
         checks=("block_fill/beats-128",),
     ),
     Mutation(
         name="error-forgotten",
         file=FILL,
-        old="beat_failed | failed.bit_select(self.miss, 1)",
-        new="beat_failed",
+        old="is_error(self.rresp) | has_failed)",
+        new="is_error(self.rresp))",
         what="an error before the last beat is not told",
         checks=("block_fill/beats-128",),
     ),
@@ -599,6 +598,86 @@ _FAULTS = (
         new="last = 0",
         what="rays that go backwards count planes from the wrong corner",
         checks=("node_test/no-false-reject-near",),
+    ),
+    Mutation(
+        name="last-not-looked-at",
+        file=FILL,
+        old="odd.eq(beat & is_wanted & (at_end ^ self.rlast))",
+        new="odd.eq(beat & is_wanted & at_end & ~self.rlast)",
+        what="RLAST before a block's last beat is no error",
+        checks=("block_fill/beats-128",),
+    ),
+    Mutation(
+        name="late-number-used-again",
+        file=FILL,
+        old="ends.eq(over & (is_wanted | is_marked))",
+        new="ends.eq((over & (is_wanted | is_marked)) | gives_up)",
+        what="the number of a read that was given up is used again at once",
+        checks=("block_fill/beats-128", "block_cache/answers"),
+    ),
+    Mutation(
+        name="late-beat-written",
+        file=FILL,
+        old="self.write.eq(beat & is_wanted)",
+        new="self.write.eq(beat & (is_wanted | is_marked))",
+        what="what comes for a read that was given up is written to its line",
+        checks=("block_fill/beats-128",),
+    ),
+    Mutation(
+        name="no-number-no-answer",
+        file="rtl/block_cache.py",
+        old="Mux(lines.found, ~lines.awaited, fill.lost)",
+        new="lines.found & ~lines.awaited",
+        what="requests wait for ever where no number is left",
+        checks=("tests/rtl/test_block_cache.py::test_without_numbers_all_that_is_not_there_fails_at_once",),
+    ),
+    Mutation(
+        name="used-after-invalidate",
+        file="rtl/block_lines.py",
+        old="(used[way] & ~forgotten | touched) & keeps",
+        new="used[way] & ~forgotten | touched",
+        what="lines of a tree before count as used",
+        checks=("tests/rtl/test_block_cache.py::test_lines_count_as_unused_when_all_is_forgotten",),
+    ),
+    Mutation(
+        name="load-lost",
+        file="rtl/traversal/loader.py",
+        old="""        with m.If(self.load):
+            m.d.sync += [asked.eq(1), base.eq(self.base)]
+        with m.Elif(self.go):
+            m.d.sync += asked.eq(0)""",
+        new="""        with m.If(self.load):
+            m.d.sync += base.eq(self.base)
+        with m.If(self.go):
+            m.d.sync += asked.eq(0)
+        with m.Elif(self.load):
+            m.d.sync += asked.eq(1)""",
+        what="a load in the cycle in which another begins is lost",
+        checks=("loader/the-last-load-counts", "tests/rtl/test_traversal_unit.py::test_the_loader_waits_for_rays"),
+    ),
+    Mutation(
+        name="abort-lets-addresses-out",
+        file="rtl/axi_read_arbiter.py",
+        old="(self.abort | self.aborting) & (~port.arvalid | port.arready)",
+        new="self.aborting & (~port.arvalid | port.arready)",
+        what="an address is offered in the cycle after an abort",
+        checks=("axi_read_arbiter/abort",),
+    ),
+    Mutation(
+        name="abort-ends-too-early",
+        file="rtl/axi_read_arbiter.py",
+        old="(port.arvalid | asked | (left != 0))",
+        new="(port.arvalid | (left != 0))",
+        what="an abort is over in the cycle after the last address was taken",
+        checks=("axi_read_arbiter/abort",),
+    ),
+    Mutation(
+        name="header-taken-late",
+        file="rtl/header_reader.py",
+        old="with m.If(reading | self.base[:OFFSET_BITS].any()):",
+        new="with m.If(self.base[:OFFSET_BITS].any()):",
+        what="the beats of a header that was given up are taken for the next one's",
+        checks=("tests/rtl/test_header_reader.py",),
     ),
 )
 FAULTS = {one.name: one for one in _FAULTS}

@@ -18,6 +18,7 @@ def loads() -> Bench:
     m.d.sync += wanted.eq(component.load | (wanted & ~component.go))
     with m.If(component.load):
         m.d.sync += base.eq(component.base)
+    bench.require("remembered", bench.inner("asked") == wanted)
     bench.require("as_soon_as_it_can", component.go == (wanted & component.idle & ~component.busy))
     bench.require("the_last_base", ~wanted | (component.next_base == base))
     bench.require("no_ray_meanwhile", component.loading == (wanted | component.busy))

@@ -18,6 +18,22 @@ class Wrong:
     """Cycles that the answer takes longer than others."""
 
 
+def wrong_ends(beats: int) -> dict[str, tuple[Wrong, bool]]:
+    """Ways in which RLAST can be wrong in a block of `beats`: the answer, and whether a beat shows that the read is over."""
+    whole = frozenset({beats - 1})
+    ends = {
+        "no RLAST": (Wrong(beats=beats), False),
+        "a beat too many": (Wrong(beats=beats + 1, last=whole | {beats}), True),
+    }
+    for more in (1, 3):
+        ends[f"RLAST {more} beats late"] = (Wrong(beats=beats + more, last=frozenset({beats - 1 + more})), True)
+    for k in sorted({0, 1, beats // 2, beats - 2} & set(range(beats - 1))):
+        ends[f"RLAST on beat {k}"] = (Wrong(beats=beats, last=frozenset({k})), False)
+        ends[f"RLAST on beat {k}, too"] = (Wrong(beats=beats, last=whole | {k}), True)
+        ends[f"{k + 1} beats"] = (Wrong(beats=k + 1, last=frozenset({k})), False)
+    return ends
+
+
 class AxiSlave:
     """Answers reads from `content` (byte address of a word of the bus to its data) after `latency` cycles.
 

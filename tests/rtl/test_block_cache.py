@@ -19,7 +19,7 @@ from rtl.queues import number_width
 from sim import toolchain, verilated
 from sim.runner import BenchError, run_cocotb
 from tests.gen.test_lint import WAIVERS, lint
-from tests.rtl.axi_slave import AxiSlave, Wrong
+from tests.rtl.axi_slave import AxiSlave, Wrong, wrong_ends
 from tests.simulators import SIMULATORS, needs_icarus
 
 SIM = Path(__file__).parents[2] / "sim"
@@ -361,18 +361,6 @@ def test_lines_count_as_unused_when_all_is_forgotten() -> None:
 # --- reads that do not end as they should -----------------------------------------------------------------------------
 
 WIDTHS = (32, 64, 128, 256, 512)
-
-
-def wrong_ends(beats: int) -> dict[str, tuple[Wrong, bool]]:
-    """Every way in which RLAST can be wrong in a block of `beats`: the answer, and whether the read can be over."""
-    whole = frozenset({beats - 1})
-    ends = {"no RLAST": (Wrong(beats=beats), False), "a beat too many": (Wrong(beats=beats + 1, last=whole | {beats}), True)}
-    ends |= {f"RLAST {more} beats late": (Wrong(beats=beats + more, last=frozenset({beats - 1 + more})), True) for more in (1, 3)}
-    for k in sorted({0, 1, beats // 2, beats - 2} & set(range(beats - 1))):
-        ends[f"RLAST on beat {k}"] = (Wrong(beats=beats, last=frozenset({k})), False)
-        ends[f"RLAST on beat {k}, too"] = (Wrong(beats=beats, last=whole | {k}), True)
-        ends[f"{k + 1} beats"] = (Wrong(beats=k + 1, last=frozenset({k})), False)
-    return ends
 
 
 @pytest.mark.parametrize("data_width", WIDTHS)

@@ -1,5 +1,6 @@
 """The reader of a tree's header: what it takes over, and every header that it refuses."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from golden_model import bitpack
 from golden_model.formats import BVH_HEADER, BVH_MAGIC, BVH_VERSION, LOAD_ERRORS
 from rtl.header_reader import HeaderReader
 from tests.gen.test_lint import WAIVERS, lint
-from tests.rtl.axi_slave import AxiSlave
+from tests.rtl.axi_slave import AxiSlave, Wrong, wrong_ends
 
 BASE = 0x12_3456_7000
 GOOD = {
@@ -42,47 +43,71 @@ def header(**fields: Any) -> np.ndarray:
 
 
 class Memory(AxiSlave):
-    """One block at BASE."""
+    """The same block everywhere."""
 
     words = header()
 
-    def _choose(self) -> None:
-        super()._choose()
-        if self.beat is not None:
-            first = (self.bursts[0][1] - self.lanes if self.bursts else BASE + 64 - self.lanes) - BASE
-            data = int.from_bytes(self.words.astype("<u4").tobytes()[first : first + self.lanes], "little")
-            self.beat = (self.beat[0], data, *self.beat[2:])
+    def word(self, address: int, lanes: int) -> int:  # type: ignore[override]
+        first = address % 64
+        return int.from_bytes(self.words.astype("<u4").tobytes()[first : first + lanes], "little")
 
 
 class Loads:
-    """Loads headers one after another and notes what the reader says of each."""
+    """Loads headers one after another and notes what the reader says of each.
 
-    def __init__(self, *, data_width: int = 512, latency: int = 5, stall: float = 0.0, **limits: int):
+    `ticks`: cycles from one tick to the next, 0 for none; `pause`: cycles from one load to the next.
+    """
+
+    def __init__(
+        self,
+        *,
+        data_width: int = 512,
+        latency: int = 5,
+        stall: float = 0.0,
+        ticks: int = 0,
+        pause: int = 3,
+        **limits: int,
+    ):
+        self.ticks, self.pause = ticks, pause
         self.reader = HeaderReader(**({"width": 8, "stack": 24} | limits), data_width=data_width)
         self.memory = Memory(self.reader.m_axi, latency=latency, stall=stall, seed=3)
         self.seen: list[dict[str, Any]] = []
 
-    def __call__(self, *headers: np.ndarray, bad: set[int] | None = None) -> list[dict[str, Any]]:
+    def __call__(
+        self, *headers: np.ndarray, bad: set[int] | None = None, bases: Sequence[int] = (), mend: int = -1
+    ) -> list[dict[str, Any]]:
+        """`bases`: where they are, else all at BASE. Behind the load of number `mend` the memory is right."""
         reader, memory = self.reader, self.memory
         memory.bad = bad or set()
 
         async def testbench(ctx: Any) -> None:
             assert not ctx.get(reader.loaded)
             assert not ctx.get(reader.busy)
-            for words in headers:
+            now = 0
+
+            async def step() -> None:
+                nonlocal now
+                ctx.set(reader.tick, int(self.ticks > 0 and now % self.ticks == 0))
+                memory.drive(ctx)
+                memory.sample(ctx)
+                await ctx.tick()
+                now += 1
+
+            for number, words in enumerate(headers):
                 memory.words = words
                 for cycle in range(200):
                     # In the next cycle another base shows that it was taken with `load`.
-                    ctx.set(reader.load, int(cycle in (0, 3)))
-                    ctx.set(reader.base, BASE if cycle == 0 else 64)
-                    memory.drive(ctx)
-                    memory.sample(ctx)
+                    ctx.set(reader.load, int(cycle == 0 or (cycle == 3 and ctx.get(reader.busy))))
+                    ctx.set(reader.base, (bases[number] if bases else BASE) if cycle == 0 else 64)
                     if cycle and not ctx.get(reader.busy):
                         break
                     assert cycle == 0 or not (ctx.get(reader.loaded) or ctx.get(reader.load_error))
-                    await ctx.tick()
+                    await step()
                 ctx.set(reader.load, 0)
-                await ctx.tick().repeat(3)
+                if number == mend:
+                    memory.wrong = {}
+                for _ in range(self.pause):
+                    await step()
                 names = ("loaded", "load_error", "tree_base", "blocks", "root", "levels", "lattice_exponent")
                 seen = {name: ctx.get(getattr(reader, name)) for name in names}
                 seen["lattice_origin"] = [ctx.get(reader.lattice_origin[k]) for k in range(3)]
@@ -173,6 +198,72 @@ def test_a_memory_error(beat: int) -> None:
 def test_limits_of_the_hardware() -> None:
     seen = Loads(width=4, stack=12)(header(width=4, levels=12), header(width=5, levels=12), header(width=4, levels=13))
     assert [one["load_error"] for one in seen] == [0, LOAD_ERRORS["width"], LOAD_ERRORS["levels"]]
+
+
+@pytest.mark.parametrize("data_width", [32, 128, 512])
+def test_a_base_that_no_block_has(data_width: int) -> None:
+    """0xFE0 let the burst cross a border of 4 KB, with a bus of 32 or 128 bits."""
+    wrong = [BASE + offset for offset in (1, 2, 4, 8, 16, 32, 0xFE0, 63)]
+    loads = Loads(data_width=data_width)
+    seen = loads(*[header()] * (len(wrong) + 1), bases=[*wrong, BASE])
+    assert [one["load_error"] for one in seen] == [LOAD_ERRORS["base"]] * len(wrong) + [0]
+    assert [one["loaded"] for one in seen] == [0] * len(wrong) + [1]
+    assert loads.memory.reads == [BASE], "read where there is no block"
+
+
+@pytest.mark.parametrize("address_width", [32, 40, 64])
+def test_a_tree_beyond_the_end_of_the_address_space(address_width: int) -> None:
+    last = 2**address_width
+    cases = [
+        (last - 64 * 5, 5, "none"),
+        (last - 64 * 5, 6, "size"),
+        (last - 64, 2, "size"),
+        (last - 64 * 2, 2, "none"),
+        (0, 2**26, "none"),
+        (0, 2**26 + 1, "size" if address_width == 32 else "none"),
+        (64, 2**26, "size" if address_width == 32 else "none"),
+        (0, 2**32 - 1, "size" if address_width == 32 else "none"),
+        (last - 64, 2**32 - 1, "size"),
+    ]
+    loads = Loads(address_width=address_width)
+    seen = loads(*[header(blocks=blocks) for _, blocks, _ in cases], bases=[base for base, *_ in cases])
+    for one, (base, blocks, error) in zip(seen, cases, strict=True):
+        assert one["load_error"] == LOAD_ERRORS[error], f"{blocks} blocks at {base:#x}"
+
+
+@pytest.mark.parametrize("data_width", [32, 64, 128, 256, 512])
+def test_a_header_that_ends_wrongly(data_width: int) -> None:
+    """It is refused; and the next one is read when that read is over, but not before."""
+    for name, (answer, ends) in wrong_ends(512 // data_width).items():
+        loads = Loads(data_width=data_width, pause=20)
+        loads.memory.wrong = {BASE: answer}
+        first, second = loads(header(), header(), mend=0)
+        extra = name == "a beat too many"  # behind a header that was whole
+        assert (first["loaded"], first["load_error"]) == (extra, 0 if extra else LOAD_ERRORS["memory"]), name
+        again = ends or extra
+        assert (second["loaded"], second["load_error"]) == (again, 0 if again else LOAD_ERRORS["memory"]), name
+        assert len(loads.memory.reads) == 1 + again, name
+
+
+@pytest.mark.parametrize("data_width", [32, 512])
+@pytest.mark.parametrize("accepted", [True, False])
+def test_a_late_header(data_width: int, accepted: bool) -> None:
+    """It is given up at the second tick; and none of its beats is taken for the next one's."""
+    beats = 512 // data_width
+    loads = Loads(data_width=data_width, ticks=20, pause=5, stall=0.0 if accepted else 1.0)
+    loads.memory.wrong = {BASE: Wrong(beats=beats, last=frozenset({beats - 1}), after=100)}
+    late, *others = loads(*[header(magic=0)] + [header()] * 14, mend=0 if accepted else -1)
+    assert (late["loaded"], late["load_error"]) == (0, LOAD_ERRORS["memory"])
+    assert 20 < late["cycles"] <= 42
+    errors = [one["load_error"] for one in others]
+    if not accepted:  # the memory never takes the address, which has to stay
+        assert set(errors) == {LOAD_ERRORS["memory"]}
+        return
+    back = errors.index(0)
+    assert errors == [LOAD_ERRORS["memory"]] * back + [0] * (len(others) - back)
+    assert all(one["loaded"] for one in others[back:])
+    assert back > 5
+    assert len(loads.memory.reads) == 1 + len(others) - back
 
 
 @pytest.mark.parametrize("data_width", [32, 512])
