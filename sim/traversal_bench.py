@@ -10,7 +10,7 @@ from sim.emitted import emitted
 from sim.runner import run_cocotb
 from sim.traversal import port_widths
 
-MODULES = "verif.test_traversal,verif.test_traversal_wrong"
+MODULES = "verif.test_traversal,verif.test_traversal_wrong,verif.test_traversal_memory"
 SEED = 2718
 TAGS = 14
 """Bits of a tag: every ray of a test has its own."""
@@ -50,7 +50,7 @@ def run_traversal_bench(
     """
     text = emitted("traversal", config) if verilog is None else verilog
     description: dict[str, Any] = {"seed": SEED, "rays": rays, "few": few, "patience": patience}
-    description |= {name: getattr(config, name) for name in ("width", "stack", "overlap", "contexts")}
+    description |= {name: getattr(config, name) for name in ("width", "stack", "overlap", "contexts", "units")}
     description["lines"] = {
         "node": config.node_sets * config.node_ways,
         "triangle": config.triangle_sets * config.triangle_ways,

@@ -1,7 +1,7 @@
 """An AXI4 read memory for benches, made of cocotbext-axi's channels, which also watches the master's manners.
 
-It answers late, in any order and mixed, with errors where it is told to, and stalls both channels. What a master may
-not do fails the test in the cycle in which it is done.
+It answers late, in any order and mixed, with errors and wrong bursts where it is told to, and stalls both channels.
+What a master may not do fails the test in the cycle in which it is done.
 """
 
 import logging
@@ -38,13 +38,25 @@ class Manner:
     """Beats of different bursts come mixed."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Wrong:
+    """How a block is answered that is not answered as it was asked for."""
+
+    beats: int
+    """So many come."""
+    last: frozenset[int] = frozenset()
+    """Which of them have RLAST, from 0 up."""
+    after: int = 0
+    """Cycles that the first of them waits longer than another burst's."""
+
+
 @dataclass
 class Burst:
     """A read that was accepted."""
 
     id: int
     address: int
-    beats: int
+    answer: Wrong
     from_cycle: int
     error: AxiResp
     bad_beat: int
@@ -56,12 +68,12 @@ class AxiSlave:
     """Memory at the AXI4 read port `prefix` of `dut`, whose master reads whole blocks of 64 bytes.
 
     `regions` are the bytes that begin at an address; elsewhere the answer is DECERR. Blocks at an address in `errors`
-    get that response, in one of their beats. Data that comes with an error is random. `bursts` and `beats` count those
-    that were accepted and taken. The master must
+    get that response, in one of their beats. Data that comes with an error is random. Blocks at an address in `wrong`
+    are answered as that says. `bursts` and `beats` count those that were accepted and taken. The master must
 
     - ask for an aligned block (which is never on both sides of a 4 KB boundary) with one INCR burst over the whole
       width of the bus, and only for what is in a region or in `errors`;
-    - have no two bursts of an id under way;
+    - have no two bursts of an id under way, the first of which still gets beats;
     - hold address and valid until they are taken, and offer nothing during a reset.
     """
 
@@ -70,6 +82,7 @@ class AxiSlave:
         self.rng = rng
         self.regions: dict[int, bytes] = {}
         self.errors: dict[int, AxiResp] = {}
+        self.wrong: dict[int, Wrong] = {}
         self.manner = Manner()
         self.cycle = 0
         self.bursts = self.beats = 0
@@ -91,13 +104,14 @@ class AxiSlave:
     @property
     def under_way(self) -> int:
         """Bursts that are not answered yet."""
-        return len(self._ids)
+        return len(self._left)
 
     def _forget(self) -> None:
         self._queues: dict[int, deque[Burst]] = defaultdict(deque)
         self._order: list[Burst] = []
         self._engaged: Burst | None = None
-        self._ids: set[int] = set()
+        self._left: dict[int, int] = {}
+        """Beats still to be taken of the burst of an id."""
         self._held: tuple[int, ...] | None = None
         self._addresses.clear()
         self._data.clear()
@@ -129,13 +143,18 @@ class AxiSlave:
         burst = Burst(
             id=int(asked.arid),
             address=address,
-            beats=beats,
+            answer=self._answer(address, beats),
             from_cycle=self.cycle + self.rng.randint(*self.manner.latency),
             error=error,
             bad_beat=self.rng.randrange(beats),
         )
-        self._queues[burst.id].append(burst)
-        self._order.append(burst)
+        burst.from_cycle += burst.answer.after
+        if burst.answer.beats:
+            self._queues[burst.id].append(burst)
+            self._order.append(burst)
+
+    def _answer(self, address: int, beats: int) -> Wrong:
+        return self.wrong.get(address, Wrong(beats=beats, last=frozenset({beats - 1})))
 
     def _content(self, address: int) -> bytes | None:
         for base, content in self.regions.items():
@@ -164,11 +183,13 @@ class AxiSlave:
             content = self.rng.randbytes(BLOCK_BYTES)
         beat = self._data._transaction_obj()
         beat.rid, beat.rresp = burst.id, burst.error if bad else AxiResp.OKAY
-        beat.rdata = int.from_bytes(content[number * self.lanes : (number + 1) * self.lanes], "little")
-        beat.rlast = int(burst.given == burst.beats)
+        first = number * self.lanes % BLOCK_BYTES
+        beat.rdata = int.from_bytes(content[first : first + self.lanes], "little")
+        beat.rlast = int(number in burst.answer.last)
         self._data.send_nowait(beat)
-        self._engaged = None if beat.rlast else burst
-        if beat.rlast:
+        ends = burst.given == burst.answer.beats
+        self._engaged = None if ends else burst
+        if ends:
             self._queues[burst.id].popleft()
             self._order.remove(burst)
         return True
@@ -197,8 +218,10 @@ class AxiSlave:
                 assert self._held is None, f"cycle {self.cycle}: arvalid was withdrawn"
             if taken:
                 self.beats += 1
-                if int(port["rlast"].value):
-                    self._ids.remove(int(port["rid"].value))
+                identity = int(port["rid"].value)
+                self._left[identity] -= 1
+                if not self._left[identity]:
+                    del self._left[identity]
 
     def _check_address(self, accepted: bool) -> None:
         asked = tuple(int(self._port[name].value) for name in ADDRESS)
@@ -213,7 +236,7 @@ class AxiSlave:
         assert address % BLOCK_BYTES == 0, f"{where}: not aligned"
         assert (length + 1) * self.lanes == BLOCK_BYTES, f"{where}: not a block"
         assert address in self.errors or self._content(address) is not None, f"{where}: nothing is there"
-        assert identity not in self._ids, f"{where}: a burst of this id is under way"
-        self._ids.add(identity)
+        assert identity not in self._left, f"{where}: a burst of this id is under way"
+        self._left[identity] = self._answer(address, length + 1).beats
         self.bursts += 1
-        self.most_under_way = max(self.most_under_way, len(self._ids))
+        self.most_under_way = max(self.most_under_way, self.under_way)

@@ -121,6 +121,8 @@ class Bench:
         self.overlap: int = run["overlap"]
         self.contexts: int = run["contexts"]
         self.lines: dict[str, int] = run["lines"]
+        self.addresses: int = 1 if run["units"] == 1 else 3
+        """That may wait at the memory port when an abort comes: one is offered, two more in an array's buffer."""
         self.tag_width = len(dut.i__payload) - bitpack.width(RAY_QUERY)
         self.rng = random.Random(self.seed)
         self.streams = StreamDriver(dut)
@@ -134,6 +136,7 @@ class Bench:
         """`overlap`: "one" visit of a ray at a time, or as many as there can be."""
         dut = self.dut
         dut.load.value = dut.count_clear.value = dut.base.value = 0
+        dut.read_timeout.value = dut.abort.value = 0
         dut.overlap.value = 1 if overlap == "one" else self.overlap
         dut.rst.value = 1
         self.memory = AxiSlave(dut, "m_axi", rng=self.rng)
@@ -181,6 +184,36 @@ class Bench:
         assert seen == LOAD_ERRORS[error], f"seed {self.seed}: load_error {seen}, not {error}"
         self.blocks = blocks
         note(lambda: load_groups(error))
+
+    async def abort(self, strobes: int = 1, load: bool = False) -> int:
+        """Aborts, in `strobes` cycles one after another, in the first of them beside a load; returns how many cycles
+        `aborting` was high. The memory is not told; all that it still answers comes before the end."""
+        dut, memory = self.dut, self.memory
+        waiting = bool(int(dut.m_axi_arvalid.value))
+        dut.abort.value, dut.load.value, dut.base.value = 1, int(load), BASES[0]
+        await RisingEdge(dut.clk)
+        dut.load.value = 0
+        bursts = memory.bursts
+        for cycle in range(LOAD_CYCLES):
+            dut.abort.value = int(cycle + 1 < strobes)
+            await FallingEdge(dut.clk)
+            if not int(dut.aborting.value):
+                break
+            assert not int(dut.i__ready.value), f"seed {self.seed}: takes rays during an abort"
+            if cycle:
+                # Of an array, addresses may wait in its own port's buffer, too.
+                assert not int(dut.o__valid.value), f"seed {self.seed}: gives results during an abort"
+            await RisingEdge(dut.clk)
+        else:
+            raise AssertionError(f"seed {self.seed}: an abort does not end; {memory.under_way} reads under way")
+        assert cycle, f"seed {self.seed}: no abort"
+        assert not memory.under_way, f"seed {self.seed}: {memory.under_way} reads under way behind an abort"
+        assert not int(dut.m_axi_arvalid.value)
+        assert memory.bursts - bursts <= self.addresses, f"seed {self.seed}: {memory.bursts - bursts} reads ({waiting})"
+        seen = [int(getattr(dut, name).value) for name in ("o__valid", "loaded", "load_error", "count_rays")]
+        assert seen == [0, 0, 0, 0], f"seed {self.seed}: {seen} behind an abort"
+        await RisingEdge(dut.clk)
+        return cycle
 
     def packed(self, rays: Rays) -> list[int]:
         """What the unit is offered for rays; their tags go on where those of the rays before ended."""
