@@ -86,7 +86,7 @@ class AxiReadArbiter(Component):
         m.d.comb += beats.o.ready.eq(any_of(ready))
 
         # --- the end of it all ----------------------------------------------------------------------------------------
-        # Beats are counted, not bursts: what is promised with an address does not depend on where the memory puts RLAST.
+        # Beats are counted, not bursts, so that the end does not depend on where the memory puts RLAST.
         beats_of_block = port.signature.block_beats
         left = Signal(range(self.reads * beats_of_block + 1))  # beats of the addresses that were taken
         asked = Signal()

@@ -230,6 +230,8 @@ class BlockCache(wiring.Component):
         m.d.comb += [
             self.o.payload.data.eq(Cat(parts)),
             self.o.payload.tag.eq(register(m, answers, Mux(hit_first, tag, drain.payload.tag), "answer_tag")),
-            self.o.payload.error.eq(register(m, answers, Mux(hit_first, ~lines.found, drain.payload.error), "answer_error")),
+            self.o.payload.error.eq(
+                register(m, answers, Mux(hit_first, ~lines.found, drain.payload.error), "answer_error")
+            ),
         ]
         return m

@@ -1,8 +1,8 @@
 """What comes back from the memory, put together to blocks: the read data channel of `rtl.block_cache`.
 
-The state of a miss is two flip-flops, `wanted` and `marked`: neither, no read is under way; `wanted`, its block is
-awaited, and `marked` as well after a first look at it. `marked` alone: its read was given up, and its number is not used
-again until the last of its beats has come, so that no late beat is taken for another read's.
+The state of a miss is two flip-flops, `wanted` and `marked`. Neither: no read is under way. `wanted`: its block is
+awaited; both: as well, and a look has found it so already. `marked` alone: its read was given up, and its number is not
+used again until the last of its beats has come, so that no late beat is taken for another read's.
 """
 
 from amaranth import Const, Module, Mux, Signal, Value
@@ -57,7 +57,7 @@ class BlockFill(Component):
         m = Module()
         number = len(self.miss)
 
-        # --- a step a cycle: a beat, or a look at a miss ----------------------------------------------------------------
+        # --- a step a cycle: a beat, or a look at a miss --------------------------------------------------------------
         # A look waits for a cycle without a beat, but not for a second one.
         looking = Signal()
         looked = Signal(number)
@@ -82,7 +82,7 @@ class BlockFill(Component):
         with m.If(self.tick):
             m.d.sync += looking.eq(1)
 
-        # --- what it means ----------------------------------------------------------------------------------------------
+        # --- what it means --------------------------------------------------------------------------------------------
         wanted = Signal(self.misses)
         marked = Signal(self.misses)
         failed = Signal(self.misses)  # wanted, and a beat before was an error
@@ -133,7 +133,7 @@ class BlockFill(Component):
         for plane, now, after in zip(place, lane, lane + 1, strict=False):
             m.d.sync += plane.eq((plane ^ if_chosen(counts & (now ^ after))) & ~if_chosen(ends))
 
-        # --- a cycle later ----------------------------------------------------------------------------------------------
+        # --- a cycle later --------------------------------------------------------------------------------------------
         m.submodules.lines = lines = Memory(shape=self.line_width, depth=max(self.misses, 2), init=[])
         writes = lines.write_port()
         reads = lines.read_port()

@@ -67,7 +67,7 @@ class HeaderReader(Component):
             *(getattr(self, name).eq(header[name]) for name in FIELDS),
         ]
 
-        # --- the read, which may be under way for longer than it is waited for ------------------------------------------
+        # --- the read, which may be under way for longer than it is waited for ----------------------------------------
         begins = Signal()
         asks = Signal()
         reading = Signal()
@@ -89,7 +89,7 @@ class HeaderReader(Component):
         with m.Elif(beat & self.m_axi.rlast):
             m.d.sync += [number.eq(0), reading.eq(0)]
 
-        # --- the load ---------------------------------------------------------------------------------------------------
+        # --- the load -------------------------------------------------------------------------------------------------
         with m.FSM(name="state") as fsm:
             m.d.comb += self.busy.eq(~fsm.ongoing("idle"))
             with m.State("idle"), m.If(self.load):

@@ -19,8 +19,8 @@ class Waiters(Component):
       if `first`.
     - `filled`: the block of miss `filled_miss` is in line `filled_line`, or `filled_error`. A request may be added to
       its list in the same cycle at the latest.
-    - `ended`: the read of miss `filled_miss` is over; as a rule with `filled`. Where `filled` comes without it, there is
-      no further event until `passed`, so that no more than one of each miss is on its way.
+    - `ended`: the read of miss `filled_miss` is over; as a rule with `filled`. Where `filled` comes without it, there
+      is no further event until `passed`, so that no more than one of each miss is on its way.
     - `free`, `free_miss`: the miss's number may be used again, which is after both.
     - `o`: {line, error, tag, last: no more requests wait for this line}. It does not wait for anything but `o.ready`.
     """

@@ -125,7 +125,8 @@ class TraversalUnit:
         `overlap`: visits of a ray under way, else as many as the unit can. `latency` to `seed` are the memory's inputs
         (docs/axi_memory.md). `stall_seed` (1 to 2**63 - 1): the harness stalls both sides at random. `bad_blocks`: for
         the first to the last of them the memory answers with an error. `base`: byte address of the tree.
-        `read_timeout`: the unit's port. Raises TraversalError where the unit breaks a rule, InputError where the tree is larger than the memory.
+        `read_timeout`: the unit's port. Raises TraversalError where the unit breaks a rule, InputError where the tree
+        is larger than the memory.
         """
         if queries.dtype != RAY_QUERY:
             raise TypeError(f"queries are of dtype RAY_QUERY, not {queries.dtype}")

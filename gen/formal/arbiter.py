@@ -167,7 +167,7 @@ def properties() -> list[Property]:
         Property(
             unit="axi_read_arbiter",
             name="abort",
-            says="after an abort no new address; beats counted exactly, taken, dropped; over when all have come, not before",
+            says="after an abort no new address; beats counted, taken and dropped; over when all have come",
             method=Induction(depth=3),
             build=partial(aborts, 2),
             reach=20,

@@ -124,7 +124,7 @@ def properties() -> list[Property]:
             Property(
                 unit="block_fill",
                 name=f"beats-{width}",
-                says="any beats at any time: each to its line and place; whole, failed, late and over when it is; none twice",
+                says="any beats at any time: each to its line and place; whole, failed, late and over when it is",
                 method=Induction(depth=2),
                 build=partial(fill, width, 5),
                 reach=512 // width + 16,

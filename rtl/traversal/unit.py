@@ -40,10 +40,10 @@ class Traversal(wiring.Component):
     - `load`: strobe, a tree is to be used that begins at byte address `base`, a multiple of 64. Rays that are in the
       unit are finished first, and no ray enters before its header is read. Then `loaded` is high, or `load_error` says
       why not (`rtl.header_reader`); until then both are 0.
-    - `read_timeout`: a read of the memory that is not answered in more than this number of cycles, and at most twice
-      and some, fails (`rtl.read_timer`); 0: it is waited for.
-    - `abort`: strobe, rays and tree are forgotten. `aborting` is high from the next cycle until all reads under way have
-      been answered; no ray is taken meanwhile, and a `load` is lost. Then all is as after a reset.
+    - `read_timeout`: cycles after which, within as many again, a read of the memory that is not answered fails
+      (`rtl.read_timer`); 0: it is waited for.
+    - `abort`: strobe, rays and tree are forgotten. `aborting` is high from the next cycle until all reads under way
+      have been answered; no ray is taken meanwhile, and a `load` is lost. Then all is as after a reset.
     - `overlap`: how many visits of a ray may be under way, 1 to `config.overlap`.
     - `count_<name>`: counters (`rtl.traversal.counters`); `count_clear` sets them to 0.
     """

@@ -19,7 +19,7 @@ class Wrong:
 
 
 def wrong_ends(beats: int) -> dict[str, tuple[Wrong, bool]]:
-    """Ways in which RLAST can be wrong in a block of `beats`: the answer, and whether a beat shows that the read is over."""
+    """Ways in which RLAST can be wrong in a block of `beats`: the answer, and whether a beat shows that it is over."""
     whole = frozenset({beats - 1})
     ends = {
         "no RLAST": (Wrong(beats=beats), False),

@@ -385,7 +385,7 @@ def test_a_read_that_ends_wrongly_fails(data_width: int) -> None:
         assert run.memory.reads.count(64 * 7) == 1 + (not extra), name
         assert run.memory.most_under_way == 2
         # The number of a read that may not be over is not used again.
-        ids = {asked for asked in run.memory.asked[-6:]}
+        ids = set(run.memory.asked[-6:])
         assert len(ids) == 1 + (ends or extra), f"{name}: {ids}"
 
 
