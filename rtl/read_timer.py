@@ -9,7 +9,7 @@ TIMEOUT_BITS = 24
 class ReadTimer(Component):
     """Gives a `tick` of one cycle every `timeout` + 1 cycles; never, where `timeout` is 0.
 
-    Whoever finds a read under way at two ticks gives it up, after more than one and at most two such times.
+    Whoever finds a read under way at two ticks gives it up, after one to two such times.
     """
 
     timeout: In(TIMEOUT_BITS)
