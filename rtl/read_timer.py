@@ -12,8 +12,8 @@ class ReadTimer(Component):
     Whoever finds a read under way at two ticks gives it up, after one to two such times.
     """
 
-    timeout: In(TIMEOUT_BITS)
-    tick: Out(1)
+    def __init__(self) -> None:
+        super().__init__({"timeout": In(TIMEOUT_BITS), "tick": Out(1)})
 
     def elaborate(self, platform: object) -> Module:
         m = Module()

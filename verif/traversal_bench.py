@@ -179,10 +179,14 @@ class Bench:
     async def load(self, blocks: np.ndarray, *, base: int = BASES[0], error: str = "none") -> None:
         """Puts a tree into the memory and has it loaded, or refused because of `error`."""
         self.put(blocks, base)
+        await self.load_from(base, error)
+        self.blocks = blocks
+
+    async def load_from(self, base: int, error: str) -> None:
+        """Has the tree at `base` loaded, or refused because of `error`."""
         await self.ask_to_load(base)
         seen = await self.outcome()
         assert seen == LOAD_ERRORS[error], f"seed {self.seed}: load_error {seen}, not {error}"
-        self.blocks = blocks
         note(lambda: load_groups(error))
 
     async def abort(self, strobes: int = 1, load: bool = False) -> int:
