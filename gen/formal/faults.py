@@ -613,7 +613,7 @@ _FAULTS = (
         old="ends.eq(over & (is_wanted | is_marked))",
         new="ends.eq((over & (is_wanted | is_marked)) | gives_up)",
         what="the number of a read that was given up is used again at once",
-        checks=("block_fill/beats-128", "block_cache/answers"),
+        checks=("block_fill/beats-128",),
     ),
     Mutation(
         name="late-beat-written",

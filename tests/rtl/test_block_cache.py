@@ -114,7 +114,12 @@ def test_hundreds_of_thousands_of_requests(cache: str, tmp_path: Path) -> None:
     [
         # Answers have to wait, or they are out before the block that took the line is written.
         ("assign is_locked[0] = |", "assign is_locked[0] = 1'b0 &", "run=3", "wanted 0x"),
-        ("assign at_end = { is_place1, is_place0 } == 2'h3;", "assign at_end = 1'b1;", "run=0", "error 1"),
+        (
+            "assign at_end = { is_place1, is_place0 } == 2'h3;",
+            "assign at_end = 1'b1;",
+            "run=0",
+            "error 1|Cannot convert|LogicArray",
+        ),
         ("assign wrong = ", "assign wrong = 1'b0 & ", "errors", "block 3: error 0"),
         ("assign i__ready = ~ kept_valid;", "assign i__ready = 1'b1;", "run=2", "hangs"),
         ("if (answers) answer_tag", "if (1'b1) answer_tag", "run=5", "a waiting result changed"),
