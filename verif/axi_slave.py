@@ -183,8 +183,8 @@ class AxiSlave:
             content = self.rng.randbytes(BLOCK_BYTES)
         beat = self._data._transaction_obj()
         beat.rid, beat.rresp = burst.id, burst.error if bad else AxiResp.OKAY
-        first = number * self.lanes % BLOCK_BYTES
-        beat.rdata = int.from_bytes(content[first : first + self.lanes], "little")
+        offset = number * self.lanes % BLOCK_BYTES
+        beat.rdata = int.from_bytes(content[offset : offset + self.lanes], "little")
         beat.rlast = int(number in burst.answer.last)
         self._data.send_nowait(beat)
         ends = burst.given == burst.answer.beats

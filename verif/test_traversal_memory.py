@@ -50,6 +50,13 @@ def some_rays(bench: Bench, count: int) -> np.ndarray:
     return rays_of("handful", count, bench.rng.getrandbits(16), RENDERED)
 
 
+async def all_answered(bench: Bench) -> None:
+    """Waits until the memory has given all beats, and a little longer, until numbers are back."""
+    while bench.memory.under_way:
+        await RisingEdge(bench.dut.clk)
+    await ClockCycles(bench.dut.clk, 100)
+
+
 @cocotb.test()
 async def reads_that_end_wrongly(dut: Any) -> None:
     """Where the read is over in the end, the rays that meet the block fail, and no others; where it may not be, numbers
@@ -97,9 +104,7 @@ async def late_reads(dut: Any, overlap: str) -> None:
         got = bench.answers(seen.received, first, len(offered))
         assert (got["error"] == MEMORY).any(), "no read was late"
         bench.memory.wrong = {}
-        while bench.memory.under_way:
-            await RisingEdge(dut.clk)
-        await ClockCycles(dut.clk, 100)  # until numbers are back
+        await all_answered(bench)
         await bench.check(bench.traced(tree.blocks, some_rays(bench, bench.few)), f"round {round_}")
 
 
@@ -153,7 +158,9 @@ async def headers_that_cannot_be_read(dut: Any) -> None:
         bench.memory.wrong = {BASES[0]: answer}
         await bench.load(tree.blocks, error="memory")
         bench.memory.wrong = {}
-        if not over:
+        if over:
+            await all_answered(bench)
+        else:
             await bench.load(tree.blocks, error="memory")
             await bench.abort()
         await bench.check_sound(tree, f"after {name}")
@@ -161,8 +168,7 @@ async def headers_that_cannot_be_read(dut: Any) -> None:
     await bench.load(with_header(tree.blocks, root=0), error="memory")
     bench.memory.wrong = {}
     await bench.load(tree.blocks, error="memory")  # at once: the other one is still under way
-    while bench.memory.under_way:
-        await RisingEdge(dut.clk)
+    await all_answered(bench)
     await bench.check_sound(tree, "after a late header")
 
 
