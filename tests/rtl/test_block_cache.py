@@ -264,7 +264,7 @@ def test_misses_are_under_way_at_once() -> None:
 
 @pytest.mark.parametrize("short", [{"misses": 2}, {"requests": 2}, {"ways": 2, "sets": 2}])
 def test_what_runs_out_makes_requests_wait(short: dict[str, int]) -> None:
-    shape = {"sets": 8, "ways": 2, "misses": 8, "requests": 16} | short
+    shape: dict[str, Any] = {"sets": 8, "ways": 2, "misses": 8, "requests": 16} | short
     blocks = same_set(2, 6) if "ways" in short else list(range(20, 26))
     run = Run(**shape)(blocks)
     assert run.count()["stalled"] > 10
