@@ -94,29 +94,48 @@ class Dataflow:
         self._m.d.comb += result.eq(value)
         return Node(result, time, name, staged=stage)
 
-    def repeated(self, name: str, function: Callable[..., Any], state: Node, *others: Node, count: int) -> Node:
+    def repeated(
+        self, name: str, function: Callable[..., Any], state: Node, *others: Node, count: int, at_once: int = 1
+    ) -> Node:
         """`function` of the state and other operands, the result being its next state, `count` times: an even number.
 
-        Each time takes a cycle; a register is in front of the first and behind the last. A function that makes the
-        state wider adds on top. Where the datapath takes operands in every other cycle, one piece of logic and the
-        register in front of it do two times: the register takes what came before, then what its own logic gave.
+        Each time takes a cycle, in which it is applied `at_once` times; a register is in front of the first and behind
+        the last. A function that makes the state wider adds on top. Where the datapath takes operands in every other
+        cycle, one piece of logic and the register in front of it do two times: the register takes what came before,
+        then what its own logic gave.
         """
         if self._phase is None:
             for k in range(count):
-                state = self.logic(f"{name}{k + 1}", function, state, *others, stage=True)
+                state = self.applied(f"{name}{k + 1}", function, state, *others, at_once=at_once, stage=True)
             return state
         time = max(state.time, *(node.ready - 1 for node in others))
         given = self.at(Node(state.value, state.time, state.name), time)
         for k in range(0, count, 2):
             first = self._even(time)
             operands = [self._at_either(first, node, time + 1) for node in others]
-            growth = len(Value.cast(function(given, *operands))) - len(given)
+            growth = at_once * (len(Value.cast(function(given, *operands))) - len(given))
             held = Signal(len(given) + growth, name=f"{name}{k}_held", reset_less=True)
-            result = named(self._m, function(held, *operands), f"{name}{k}_next")
+            result = self._applied(f"{name}{k}", function, held, *operands, at_once=at_once)
+            result = named(self._m, result, f"{name}{k}_next")
             with self._m.If(self._en):
                 self._m.d.sync += held.eq(Mux(first, given, result))
             given, time = result, time + 2
         return Node(given, time, f"{name}{count}", staged=True)
+
+    def applied(
+        self, name: str, function: Callable[..., Any], state: Node, *others: Node, at_once: int, stage: bool = False
+    ) -> Node:
+        """As `logic`: `function` of the state and other operands, the result being its next state, `at_once` times."""
+
+        def chain(state: Any, *others: Any) -> Any:
+            return self._applied(name, function, state, *others, at_once=at_once)
+
+        return self.logic(name, chain, state, *others, stage=stage)
+
+    def _applied(self, name: str, function: Callable[..., Any], state: Any, *others: Any, at_once: int) -> Any:
+        for k in range(1, at_once):
+            state = named(self._m, function(state, *others), f"{name}_part{k}")
+        return function(state, *others)
 
     def _at_either(self, first: Value, node: Node, time: int) -> Value:
         """The node's value in two cycles, the first of which is `time`; `first` is low in it."""

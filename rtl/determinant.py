@@ -16,8 +16,6 @@ from rtl.pipeline import balanced_cuts
 
 DIGITS = 12
 """Of the quotient, two bits each, after its first bit: 23 bits of the significand and the guard bit."""
-DIGITS_A_CYCLE = (1, 2, 3, 6, 12)
-"""All cycles find the same number."""
 
 
 def sum_of_magnitudes(flow: Dataflow, config: Config, name: str, a: Node, b: Node, *, stage: bool = True) -> Node:
@@ -95,21 +93,20 @@ def reciprocal(flow: Dataflow, config: Config, name: str, x: Node, sign: Node) -
     triple = flow.logic(f"{name}_triple", lambda m: (m + (m << 1))[:26], divisor, stage=stage)
     state = flow.logic(f"{name}_state0", lambda m: (-m)[:24], divisor, stage=stage)
 
-    def digits(state: Value, divisor: Value, triple: Value) -> Value:
-        """The remainder and, above it, the quotient so far, to the same with the digits of a cycle."""
+    def digit(state: Value, divisor: Value, triple: Value) -> Value:
+        """The remainder and, above it, the quotient so far, to the same with the next digit."""
         remainder, quotient = state[:24], state[24:]
-        for _ in range(DIGITS // cycles):
-            scaled = Cat(Const(0, 2), remainder)
-            once, twice, thrice = ((scaled - multiple)[:27] for multiple in (divisor, divisor << 1, triple))
-            fits = [~difference[26] for difference in (once, twice, thrice)]
-            remainder = Mux(fits[1], Mux(fits[2], thrice, twice), Mux(fits[0], once, scaled))[:24]
-            quotient = Cat(Mux(fits[1], fits[2], fits[0]), fits[1], quotient)
-        return Cat(remainder, quotient)
+        scaled = Cat(Const(0, 2), remainder)
+        once, twice, thrice = ((scaled - multiple)[:27] for multiple in (divisor, divisor << 1, triple))
+        fits = [~difference[26] for difference in (once, twice, thrice)]
+        remainder = Mux(fits[1], Mux(fits[2], thrice, twice), Mux(fits[0], once, scaled))[:24]
+        return Cat(remainder, Mux(fits[1], fits[2], fits[0]), fits[1], quotient)
 
+    at_once = DIGITS // cycles
     if cycles == 1:
-        state = flow.logic(f"{name}_state1", digits, state, divisor, triple, stage=stage)
+        state = flow.applied(f"{name}_state1", digit, state, divisor, triple, at_once=at_once, stage=stage)
     else:
-        state = flow.repeated(f"{name}_state", digits, state, divisor, triple, count=cycles)
+        state = flow.repeated(f"{name}_state", digit, state, divisor, triple, count=cycles, at_once=at_once)
 
     def rounded_quotient(state: Value, exponent: Value, sign: Value) -> Value:
         quotient = state[24:]
@@ -119,8 +116,8 @@ def reciprocal(flow: Dataflow, config: Config, name: str, x: Node, sign: Node) -
 
 
 def cycles_of(config: Config) -> int:
-    """Cycles in which digits are found: as many as let the reciprocal take `reciprocal_depth` or fewer."""
-    return next(DIGITS // count for count in DIGITS_A_CYCLE if DIGITS // count < max(config.reciprocal_depth, 2))
+    """Cycles in which digits are found, the same number in each; one more rounds."""
+    return max(config.reciprocal_depth - 1, 1)
 
 
 def is_usable(reciprocal: Value) -> Value:
