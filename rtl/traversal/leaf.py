@@ -164,13 +164,13 @@ class LeafStage(wiring.Component):
             beside.last.eq(last),
             beside.error.eq(error),
         ]
-        for stage in range(1, core.latency + 3):
-            valid_before, before = valid, beside
-            valid = Signal(name=f"valid{stage}")
-            beside = Signal(self._beside, name=f"beside{stage}", reset_less=True)
-            m.d.sync += [valid.eq(valid_before), beside.eq(before)]
+        for stage in range(core.latency + 2):
             if stage == core.latency:
                 m.d.comb += best.coming.context.eq(beside.context)
+            valid_before, before = valid, beside
+            valid = Signal(name=f"valid{stage + 1}")
+            beside = Signal(self._beside, name=f"beside{stage + 1}", reset_less=True)
+            m.d.sync += [valid.eq(valid_before), beside.eq(before)]
         outcome = Signal(core.o.shape(), reset_less=True)
         m.d.sync += outcome.eq(core.o)
         m.d.comb += [best.result.valid.eq(valid), best.result.payload.data.eq(outcome)]
