@@ -35,6 +35,7 @@ from lightloom.commands import (
     synth,
     trace,
 )
+from rtl.config import ConfigError
 
 DIFFERENT, BAD_INPUT, OWN_FAULT, INTERRUPTED, TERMINATED = 1, 2, 70, 130, 143
 
@@ -118,7 +119,7 @@ def run(arguments: Sequence[str]) -> int:
             )
         sys.stdout.flush()
         return code or 0
-    except (InputError, typer.TyperException) as error:
+    except (InputError, ConfigError, typer.TyperException) as error:
         message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
     except OSError as error:
         message = f"{error.filename or 'standard output'}: {error.strerror or error}"

@@ -1,4 +1,7 @@
-"""The page docs/command-line.md, made from the commands' own help: `python -m lightloom.documentation`."""
+"""The page docs/command-line.md, made from the commands' own help: `python -m lightloom.documentation`.
+
+And the table of the hardware's parameters in docs/emission.md: `python -m lightloom.documentation parameters`.
+"""
 
 import sys
 from typing import Any
@@ -6,6 +9,7 @@ from typing import Any
 from typer.main import get_command
 
 from lightloom.cli import app
+from rtl.config import PARAMETERS, PRESETS
 
 WIDTH = 100
 
@@ -51,5 +55,15 @@ def _help(context: Any) -> str:
     return f"```\n$ {context.command_path} --help\n{context.get_help()}\n```"
 
 
+def parameters() -> str:
+    """Every field of the hardware's configuration: what it may be, what it is in each preset, what it is for."""
+    rows = [["parameter", "may be", *PRESETS, "is"], ["---"] * (3 + len(PRESETS))]
+    for name, each in PARAMETERS.items():
+        rows.append(
+            [f"`{name}`", each.allowed, *(str(getattr(config, name)) for config in PRESETS.values()), each.says]
+        )
+    return "\n".join("| " + " | ".join(row) + " |" for row in rows)
+
+
 if __name__ == "__main__":
-    sys.stdout.write(page() + "\n")
+    sys.stdout.write((parameters() if sys.argv[1:] == ["parameters"] else page()) + "\n")

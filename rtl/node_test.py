@@ -7,29 +7,18 @@ from typing import Any
 from amaranth import Cat, Const, Mux, Value
 
 from golden_model.formats import WIDTH
-from rtl.box_axis import STEPS, TRUE, Steps, distances, pick
+from rtl.box_axis import TRUE, Steps, distances, pick
 from rtl.config import Config
 from rtl.dataflow import Dataflow, DataflowCore, Node
-
-WIDTHS = (4, WIDTH)
-"""How many boxes a node test may have testers for."""
 
 
 class NodeTest(DataflowCore):
     """One node a cycle. Multipliers: 6 of 26x18 bits, in two rows each; 6 of 8x12 or 8x13 bits a box.
 
-    `config.node_test_depth` register stages, 0 to 15. Children in slots from `config.width` on do not count.
-    Raises ValueError for a width other than 4 or 8 and for a depth out of range.
+    `config.node_test_depth` register stages. Children in slots from `config.width` on do not count.
     """
 
     unit_name = "node_test"
-
-    def __init__(self, config: Config):
-        if config.width not in WIDTHS:
-            raise ValueError(f"node_test: width must be 4 or {WIDTH}, not {config.width}")
-        if not 0 <= config.node_test_depth <= STEPS:
-            raise ValueError(f"node_test: depth must be 0 to {STEPS}, not {config.node_test_depth}")
-        super().__init__(config)
 
     def compute(
         self,

@@ -64,11 +64,18 @@ class TraversalUnit:
     """The Verilated traversal unit with its memory.
 
     Parameters: `config`, the hardware's, with `units` of them; `memory_bits`, the memory holds 2**memory_bits bytes;
-    `verilog`, the text of module `traversal` instead of the unit's own. Builds the simulator, or finds it in the cache.
-    Raises InputError for a missing tool.
+    `verilog`, the text of module `traversal` instead of the unit's own; not `optimised`, for few rays, as in
+    `sim.verilated.build`. Builds the simulator, or finds it in the cache. Raises InputError for a missing tool.
     """
 
-    def __init__(self, config: Config = PRESETS["base"], *, memory_bits: int = MEMORY_BITS, verilog: str | None = None):
+    def __init__(
+        self,
+        config: Config = PRESETS["base"],
+        *,
+        memory_bits: int = MEMORY_BITS,
+        verilog: str | None = None,
+        optimised: bool = True,
+    ):
         self.config = config
         self._memory_bytes = 1 << memory_bits
         verilog = emitted("traversal", config) if verilog is None else verilog
@@ -101,6 +108,7 @@ class TraversalUnit:
             others=[MEMORY],
             harness=HARNESS,
             defines=[f"{name}={value}" for name, value in defines.items()],
+            optimised=optimised,
         )
 
     def run(

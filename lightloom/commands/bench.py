@@ -1,7 +1,7 @@
 """`lightloom bench`."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
 import typer
@@ -9,16 +9,21 @@ import typer
 from lightloom.benchmarks import BENCHMARKS, Sizes, summary
 from lightloom.commands.options import Json
 from lightloom.inputs import at_least, choose, whole_numbers
+from rtl.config import PARAMETERS, ConfigError, described
 
 _DEFAULT = Sizes()
 TRAVERSAL = "traversal"
 NUMBERS: dict[str, Sequence[int]] = {
-    "width": (4, 8),
-    "contexts": (4, 8, 16, 32, 64, 128, 256),
+    **{name: PARAMETERS[name].values for name in ("width", "contexts", "units")},
     "latency": range(65536),
-    "units": range(1, 17),
 }
 """What the numbers of the options of `traversal` may be."""
+SETTABLE = [name for name in PARAMETERS if name not in (*NUMBERS, "tag_width")]
+"""What --set may set: the tag is as wide as it has to be."""
+
+
+def _help(says: str, name: str) -> str:
+    return f"traversal: {says}, {described(NUMBERS[name])}."
 
 
 def bench(
@@ -40,30 +45,29 @@ def bench(
         list[str] | None, typer.Option("--scene", metavar="SCENE", help="traversal: a scene (repeatable).")
     ] = None,
     width: Annotated[
-        str | None, typer.Option("--width", metavar="W,W", help="traversal: most children of a node, 4 or 8.")
+        str | None, typer.Option("--width", metavar="W,W", help=_help("most children of a node", "width"))
     ] = None,
     contexts: Annotated[
-        str | None, typer.Option("--contexts", metavar="N,N", help="traversal: rays in a unit, a power of two.")
+        str | None, typer.Option("--contexts", metavar="N,N", help=_help("rays in a unit", "contexts"))
     ] = None,
     latency: Annotated[
         str | None, typer.Option("--latency", metavar="N,N", help="traversal: cycles that the memory takes.")
     ] = None,
     units: Annotated[
-        str | None, typer.Option("--units", metavar="N,N", help="traversal: units that share the memory port.")
+        str | None, typer.Option("--units", metavar="N,N", help=_help("units that share the memory port", "units"))
     ] = None,
     preset: Annotated[
         str, typer.Option("--preset", metavar="NAME", help="traversal: the other hardware parameters.")
     ] = "base",
     settings: Annotated[
         list[str] | None,
-        typer.Option("--set", metavar="NAME=N", help="traversal: a hardware parameter, as node_sets=128 (repeatable)."),
+        typer.Option("--set", metavar="NAME=VALUE", help="traversal: a hardware parameter; see above (repeatable)."),
     ] = None,
     full: Annotated[
         bool, typer.Option("--full", help="traversal: the whole sweep, with 100000 rays compared a scene and width.")
     ] = False,
     json: Json = False,
 ) -> None:
-    from golden_model.errors import InputError
     from lightloom.console import Progress, print_json, print_table
     from lightloom.machine import machine, versions
 
@@ -85,12 +89,7 @@ def bench(
                 scene, rays, preset, settings or [], full, width=width, contexts=contexts, latency=latency, units=units
             )
             with progress.stage(TRAVERSAL, sweep.runs) as advance:
-                try:
-                    report[TRAVERSAL] = measure(sweep, advance)
-                except ValueError as error:  # of hardware with these parameters
-                    if not settings:
-                        raise
-                    raise InputError(f"--set {' --set '.join(settings)}: {error}") from error
+                report[TRAVERSAL] = measure(sweep, advance)
     here = machine()
     if json:
         print_json({**report, "machine": here, "versions": versions()})
@@ -125,7 +124,7 @@ def _sweep(
             values = tuple(dict.fromkeys(whole_numbers(text, f"--{name}")))
             wrong = [value for value in values if value not in possible]
             if wrong:
-                raise InputError(f"--{name} {text}: {wrong[0]} is not possible; it may be {_range(possible)}")
+                raise InputError(f"--{name} {text}: {wrong[0]} is not possible; it must be {described(possible)}")
             given[SWEPT[name]] = values
     return replace(default_sweep(full), **given)
 
@@ -133,19 +132,15 @@ def _sweep(
 def _setting(text: str) -> tuple[str, int]:
     """'node_sets=128' to ('node_sets', 128)."""
     from golden_model.errors import InputError
-    from lightloom.bench_traversal import SWEPT
-    from rtl.config import PRESETS
 
-    name, _, value = text.partition("=")
-    known = [field for field in asdict(PRESETS["base"]) if field not in (*SWEPT, "tag_width")]
-    choose(name, known, "parameter")
-    if not value.isdecimal():
-        raise InputError(f"--set {text}: give a name and a whole number, such as node_sets=128")
-    return name, int(value)
-
-
-def _range(possible: Sequence[int]) -> str:
-    return f"{possible[0]} to {possible[-1]}" if len(possible) > 8 else ", ".join(map(str, possible))
+    name, equals, value = text.partition("=")
+    choose(name, SETTABLE, "parameter")
+    if not equals:
+        raise InputError(f"--set {text}: give a name and a value, such as node_sets=128")
+    try:
+        return name, PARAMETERS[name].parsed(value)
+    except ConfigError as error:
+        raise InputError(f"--set {text}: {error}") from error
 
 
 bench.__doc__ = "\n".join(
@@ -161,6 +156,10 @@ bench.__doc__ = "\n".join(
         "",
         "`traversal` builds a simulator, which takes a minute or two, for each width, number of contexts and number of",
         "units; the next time it finds them. Its cycles are those of diffuse rays, nearest hit.",
+        "",
+        "\b",
+        "Parameters for --set, and what they may be:",
+        *(f"  {name:<28}  {PARAMETERS[name].allowed}" for name in SETTABLE),
         "",
         "\b",
         "Examples:",

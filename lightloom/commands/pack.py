@@ -6,16 +6,22 @@ from typing import Annotated
 import typer
 
 from lightloom.commands.options import Json, Scene
+from rtl.config import PARAMETERS
 
-WIDTHS = (4, 8)
+WIDTH = PARAMETERS["width"]
 
 
 def pack(
     scene: Scene,
     out: Annotated[Path, typer.Option("--out", metavar="IMAGE.bin", help="Where it goes.", show_default=False)],
     width: Annotated[
-        int, typer.Option("--width", metavar="4|8", help="Most children of a node. Hardware of width 4 takes 4 only.")
-    ] = 8,
+        int,
+        typer.Option(
+            "--width",
+            metavar="|".join(map(str, WIDTH.values)),
+            help="Most children of a node. Hardware of width 4 takes 4 only.",
+        ),
+    ] = WIDTH.default,
     json: Json = False,
 ) -> None:
     """Pack a scene's triangles for the hardware, as the memory image that it reads.
@@ -37,8 +43,8 @@ def pack(
     from golden_model.wide_bvh import widen
     from lightloom.console import Progress, print_json, print_table
 
-    if width not in WIDTHS:
-        raise InputError(f"--width {width}: must be {' or '.join(map(str, WIDTHS))}")
+    if width not in WIDTH.values:
+        raise InputError(f"--width {width}: must be {WIDTH.allowed}")
     with Progress() as progress:
         with progress.stage("Scene"):
             triangles = load_scene(scene).triangles

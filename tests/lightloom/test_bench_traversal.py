@@ -1,6 +1,7 @@
 """`lightloom bench traversal`: what it measures, the page made of it. The simulator is the base preset's."""
 
 import json
+import re
 from dataclasses import replace
 
 import pytest
@@ -10,8 +11,9 @@ from golden_model.scene import load_scene
 from golden_model.wide_bvh import build_wide
 from golden_model.wide_traversal import queries_of
 from lightloom.bench_traversal import CONDITIONS, SEED, Sweep, command_of, default_sweep, measure
+from lightloom.commands.bench import SETTABLE
 from lightloom.traversal_page import page, tables
-from rtl.config import PRESETS
+from rtl.config import PARAMETERS, PRESETS, Config
 from sim.traversal import TraversalUnit
 
 from .conftest import Run
@@ -84,7 +86,7 @@ def test_the_command_of_a_sweep(cli: Run, monkeypatch: pytest.MonkeyPatch) -> No
 
     monkeypatch.setattr("lightloom.bench_traversal.measure", record)
     sweep = Sweep(scenes=("a", "b"), preset="tiny", widths=(4,), contexts=(16, 8), latencies=(7,), units=(1, 4), rays=5)
-    cached = replace(SMALL, settings=(("node_sets", 128), ("triangle_ways", 4)), **SAME)
+    cached = replace(SMALL, settings=(("node_sets", 128), ("multiplier_blocks", True)), **SAME)
     for wanted in (sweep, cached, default_sweep(False), default_sweep(True), replace(default_sweep(True), widths=(8,))):
         assert cli(*command_of(wanted).split()[1:]).code == 0
         assert asked.pop() == wanted
@@ -106,12 +108,17 @@ def test_the_full_sweep_has_all_that_the_quick_one_has() -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--width", "5"], ["--width 5", "4, 8"]),
-        (["--contexts", "64,7"], ["--contexts 64,7", "7 is not possible", "4, 8, 16"]),
+        (["--width", "5"], ["--width 5", "4 or 8"]),
+        (["--contexts", "64,7"], ["--contexts 64,7", "7 is not possible", "a power of two, 2 to 256"]),
         (["--units", "0"], ["--units 0", "1 to 16"]),
         (["--latency", "fast"], ["--latency fast", "whole numbers"]),
         (["--preset", "bass"], ["preset 'bass'", "base"]),
-        (["--set", "node_sets=many"], ["--set node_sets=many", "whole number"]),
+        (["--set", "node_sets"], ["--set node_sets", "node_sets=128"]),
+        (["--set", "node_sets=many"], ["--set node_sets=many", "a power of two, 2 to 1024"]),
+        (["--set", "node_sets=7"], ["--set node_sets=7", "a power of two, 2 to 1024"]),
+        (["--set", "stack=0"], ["--set stack=0: stack 0: must be 4 to 64"]),
+        (["--set", "multiplier_blocks=2"], ["multiplier_blocks 2: must be False or True"]),
+        (["--set", "tag_width=8"], ["parameter 'tag_width'"]),
         (["--set", "node_set=8"], ["parameter 'node_set'", "node_sets"]),
         (["--rays", "0"], ["--rays 0", "at least 1"]),
         (["--scene", "no-such-scene.obj"], ["no-such-scene.obj"]),
@@ -122,8 +129,19 @@ def test_bad_options(cli: Run, options: list[str], words: list[str]) -> None:
 
 
 def test_hardware_that_cannot_be(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wherever a parameter is refused, it is bad input."""
+
     def measure(sweep: Sweep, advance: object) -> dict[str, object]:
-        raise ValueError(f"sets must be a power of two, not {dict(sweep.settings)['node_sets']}")
+        Config(contexts=12)
+        return {}
 
     monkeypatch.setattr("lightloom.bench_traversal.measure", measure)
-    cli("bench", "traversal", "--set", "node_sets=7").refused("--set node_sets=7: sets must be a power of two, not 7")
+    cli("bench", "traversal").refused("contexts 12: must be a power of two, 2 to 256")
+
+
+def test_the_help_has_every_range(cli: Run) -> None:
+    shown = cli("bench", "--help").out
+    for name, each in PARAMETERS.items():
+        if name in SETTABLE:
+            assert re.search(rf"^ *{name} +{re.escape(each.allowed)}$", shown, re.MULTILINE), name
+    assert {*PARAMETERS} - {*SETTABLE} == {"tag_width", "width", "contexts", "units"}

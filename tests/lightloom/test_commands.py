@@ -37,6 +37,13 @@ def test_page_is_the_programs_help() -> None:
     assert page.read_text() == documentation.page() + "\n", "renew it: python -m lightloom.documentation > docs/…"
 
 
+def test_the_table_of_parameters_is_the_programs() -> None:
+    page = Path(__file__).parents[2] / "docs" / "emission.md"
+    table = re.search(r"^\| parameter \|.*?(?=\n\n)", page.read_text(), re.MULTILINE | re.DOTALL)
+    assert table is not None
+    assert table[0] == documentation.parameters(), "renew it: python -m lightloom.documentation parameters"
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_help_has_examples_that_parse(cli: Run, name: str) -> None:
     text = cli(name, "--help").out

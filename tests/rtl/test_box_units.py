@@ -1,14 +1,10 @@
 """The units of the box test against their models: every bit of every result."""
 
 import dataclasses
-import gc
-import warnings
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pytest
-from amaranth.hdl import UnusedElaboratable
 
 from golden_model.bitpack import equal, pack, unpack
 from golden_model.formats import WIDTH
@@ -17,7 +13,6 @@ from rtl.box_axis import STEPS
 from rtl.box_setup import add_depth, multiply_depth
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
-from rtl.node_test import NodeTest
 from sim.bulk import BulkUnit
 from tests.rtl.agreement import assert_agrees, bulk_unit
 from verif.box_vectors import box_setup_vectors, node_test_vectors, ray_time_vectors
@@ -88,19 +83,3 @@ def test_every_depth(depth: int) -> None:
     unit, expected = BulkUnit("node_test", config), UNITS["node_test"].results(operands, config.width)
     assert equal(unit.run(operands), expected).all(), f"node_test_vectors(20_000, {SEED})"
     assert unit.latency == depth
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"width": 6}, "node_test: width must be 4 or 8, not 6"),
-        ({"node_test_depth": 16}, "node_test: depth must be 0 to 15, not 16"),
-        ({"node_test_depth": -1}, "node_test: depth must be 0 to 15, not -1"),
-    ],
-)
-def test_parameters_out_of_range_are_refused(change: dict[str, Any], message: str) -> None:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UnusedElaboratable)  # of the refused one
-        with pytest.raises(ValueError, match=message):
-            NodeTest(dataclasses.replace(PRESETS["base"], **change))
-        gc.collect()
