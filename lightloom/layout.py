@@ -8,6 +8,7 @@ from typing import Any
 
 from golden_model.errors import InputError
 from golden_model.outputs import whole_folder
+from lightloom.machine import COMMIT
 from rtl.config import PRESETS
 
 PIXELS = 1400
@@ -38,7 +39,7 @@ def lay_out(
         found, wanted = layout_check.connections(merged, scratch), layout_check.wanted(scratch, unit)
         report = {
             "command": f"lightloom layout {unit} --preset {preset} --pdk-root $PDK_ROOT --seed {seed}",
-            "versions": layout.versions(),
+            "versions": {**COMMIT, **layout.versions()},
             "rows": [
                 {
                     "unit": unit,

