@@ -8,7 +8,7 @@ from typing import Any
 
 from golden_model import bitpack
 from golden_model.units import OPERATORS, UNITS
-from lightloom.machine import versions
+from lightloom.machine import machine, versions
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
 from sim.bulk import BulkUnit
@@ -117,6 +117,7 @@ def report_of(measured: Sequence[dict[str, Any]], command: str) -> dict[str, Any
     return {
         "command": command,
         "versions": versions(),
+        "machine": machine(),
         "rows": [each["row"] for each in measured],
         **{name: [row for each in measured for row in each[name]] for name in ("bins", "untaken", "wrong")},
     }

@@ -679,6 +679,22 @@ _FAULTS = (
         what="the beats of a header that was given up are taken for the next one's",
         checks=("tests/rtl/test_header_reader.py",),
     ),
+    Mutation(
+        name="time-of-next-visit",
+        file="rtl/traversal/node_stage.py",
+        old="Mux(advance, self.i.payload.tag.context, visit.context)",
+        new="self.i.payload.tag.context",
+        what="a visit that waits takes the distance of the ray that comes after it",
+        checks=("tests/sim/test_traversal.py::test_visits_that_wait_keep_to_their_own_rays",),
+    ),
+    Mutation(
+        name="time-not-held",
+        file="rtl/traversal/node_stage.py",
+        old="            m.d.sync += test.t_max.eq(self.time_read.time)",
+        new="        m.d.sync += test.t_max.eq(self.time_read.time)",
+        what="the distance of a visit changes while it waits",
+        checks=("tests/sim/test_traversal.py::test_visits_that_wait_keep_to_their_own_rays",),
+    ),
 )
 FAULTS = {one.name: one for one in _FAULTS}
 """By name."""

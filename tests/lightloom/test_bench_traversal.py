@@ -71,8 +71,10 @@ def test_a_page_of_two_reports() -> None:
     report = {"machine": {"processor": "any"}}
     empty: dict[str, object] = {"speed": [], "units": [], "boxes": []}
     parts = [{"command": f"run {scene}", "identity": [row | {"scene": scene}], **empty} for scene in ("hall", "room")]
-    text = page([report | {"traversal": part} for part in parts])
-    assert "run hall > build/traversal1.json\nrun room > build/traversal2.json\n" in text
+    versions: list[dict[str, str]] = [{"commit": "0123456789"}, {}]
+    text = page([report | {"traversal": part, "versions": v} for part, v in zip(parts, versions, strict=True)])
+    hall, room = "# at 0123456789\nrun hall > build/traversal1.json", "run room > build/traversal2.json"
+    assert f"```\n{hall}\n# at a commit that was not recorded\n{room}\n```\n" in text
     assert text.index("| hall | 8 |") < text.index("| room | 8 |")
 
 

@@ -172,9 +172,10 @@ def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     triangles = np.zeros(TRIANGLES, TRIANGLE)
     centre = rng.random((TRIANGLES, 3), np.float32)
     for name in ("v0", "v1", "v2"):
-        triangles[name] = centre + rng.normal(scale=0.1, size=(TRIANGLES, 3)).astype(np.float32)
+        triangles[name] = centre + rng.normal(scale=0.07, size=(TRIANGLES, 3)).astype(np.float32)
+    # Few of those that meet every box: with two tags, rays are traced nearly one by one.
     rays = np.concatenate(
-        [diffuse_rays(triangles, RAYS // 2, SEED), adversarial_rays(triangles, RAYS - RAYS // 2, SEED)]
+        [diffuse_rays(triangles, RAYS - RAYS // 8, SEED), adversarial_rays(triangles, RAYS // 8, SEED)]
     )
     queries = queries_of(
         rays,
@@ -196,13 +197,18 @@ def test_a_member_traces_as_the_model(number: int) -> None:
     tree = build_wide(triangles, width=config.width, max_levels=config.stack, masks=masks)
     wanted, _ = trace_tree(tree.blocks, queries, width=config.width, stack=config.stack)
     unit = TraversalUnit(config, memory_bits=18, optimised=False)
-    for options in (
-        {"latency": 20},
-        {"latency": 30, "reorder": 100, "interleave": True, "memory_stall": 64, "stall_seed": SEED},
-    ):
-        run = unit.run(tree.blocks, queries, seed=SEED, **options)  # type: ignore[arg-type]
-        wrong = np.flatnonzero(~bitpack.equal(wanted, run.results))
-        assert not len(wrong), (
-            f"seed {SEED}, {config}, {options}: {len(wrong)} rays, the first is {wrong[0]}: {queries[wrong[0]]}: "
-            f"{run.results[wrong[0]]}, not {wanted[wrong[0]]}"
-        )
+    run = unit.run(
+        tree.blocks,
+        queries,
+        latency=8,
+        reorder=100,
+        interleave=True,
+        memory_stall=64,
+        stall_seed=SEED,
+        seed=SEED,
+    )
+    wrong = np.flatnonzero(~bitpack.equal(wanted, run.results))
+    assert not len(wrong), (
+        f"seed {SEED}, {config}: {len(wrong)} rays, the first is {wrong[0]}: {queries[wrong[0]]}: "
+        f"{run.results[wrong[0]]}, not {wanted[wrong[0]]}"
+    )

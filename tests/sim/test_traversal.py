@@ -8,7 +8,7 @@ import pytest
 
 from golden_model import bitpack
 from golden_model.errors import InputError
-from golden_model.formats import BVH_MAGIC, RAY_QUERY, RAY_RESULT, TRACE_ERRORS
+from golden_model.formats import BVH_MAGIC, RAY_QUERY, RAY_RESULT, TRACE_ERRORS, TRIANGLE
 from golden_model.ray_families import RAY_FAMILIES, diffuse_rays
 from golden_model.scene import load_scene
 from golden_model.wide_bvh import build_wide
@@ -252,3 +252,19 @@ def test_stacks_that_are_read_and_written_all_the_time() -> None:
     results = unit().run(blocks, queries, latency=30).results
     wrong = np.flatnonzero(~bitpack.equal(results, trace_tree(blocks, queries)[0]))
     assert not len(wrong), f"seed {SEED}: {len(wrong)} rays differ, the first is {queries[wrong[0]]}"
+
+
+def test_visits_that_wait_keep_to_their_own_rays() -> None:
+    """Triangles that overlap: nodes leave long lists, and while one is written, the node stage stops with visits of
+    other rays in it, whose distances must stay theirs."""
+    rng = np.random.default_rng(SEED)
+    triangles = np.zeros(600, TRIANGLE)
+    centre = rng.random((600, 3), np.float32)
+    for name in ("v0", "v1", "v2"):
+        triangles[name] = centre + rng.normal(scale=0.3, size=(600, 3)).astype(np.float32)
+    blocks = build_wide(triangles).blocks
+    queries = queries_of(diffuse_rays(triangles, 2000, SEED))
+    run = unit().run(blocks, queries, latency=20)
+    wrong = np.flatnonzero(~bitpack.equal(run.results, trace_tree(blocks, queries)[0]))
+    assert not len(wrong), f"seed {SEED}: {len(wrong)} rays differ, the first is {queries[wrong[0]]}"
+    assert run.counters["node_stalled"] > 0.05 * run.cycles
