@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from gen.coverage_page import percent, totals
+from golden_model.units import SYSTEMS
 from lightloom.machine import commands_at
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
@@ -90,7 +91,7 @@ AREA_TEXT = """\
 **area** is that of the cells: without the memories with synchronous reads, whose number and bits stand beside it.
 """
 
-WITHOUT_MACROS = "The library has no memory macros: there is no area with them.\n"
+WITHOUT_MACROS = "Measured without memory macros (ASAP7 has none), so there is no area with them.\n"
 
 MACROS_TEXT = """\
 **area with them** adds the memories in the library's macros, which have one port: a copy for each read port, of each
@@ -202,7 +203,7 @@ def mapped(reports: Sequence[Report]) -> Iterator[str]:
             asked = ", ".join(f"{clock:g}" for clock in clocks)
             yield f"Clock period asked for, which the access time of memories is half of: {asked} ns.\n"
         memories = [row for row in _sorted(ours, "memories") if row["macro"]]
-        if any(row.get("memories") for row in rows):
+        if any(row["unit"] in SYSTEMS for row in rows):
             yield AREA_TEXT
             yield (_macros_text(memories, clocks) if memories else WITHOUT_MACROS)
         yield _rows(rows, MAPPED) + "\n"

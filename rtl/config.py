@@ -16,7 +16,7 @@ def powers_of_two(least: int, greatest: int) -> tuple[int, ...]:
 
 def parameter(default: int, values: Sequence[int], says: str) -> Any:
     """A field of `Config`: what it may be, in rising order, and what it is."""
-    return field(default=default, metadata={"values": values, "says": says})
+    return field(default=default, metadata={"default": default, "values": values, "says": says})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,9 +114,7 @@ def described(values: Sequence[int]) -> str:
     return ", ".join(map(str, values[:-1])) + f" or {greatest}"
 
 
-PARAMETERS: dict[str, Parameter] = {
-    each.name: Parameter(each.name, each.default, **each.metadata) for each in fields(Config)
-}
+PARAMETERS: dict[str, Parameter] = {each.name: Parameter(name=each.name, **each.metadata) for each in fields(Config)}
 """Every field of `Config`, by its name."""
 
 

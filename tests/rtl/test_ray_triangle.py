@@ -1,13 +1,16 @@
 """The ray-triangle unit against its model: every bit of every result."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from golden_model.bitpack import equal
 from golden_model.ray_triangle import ray_triangle
 from rtl.catalogue import CATALOGUE
-from rtl.config import PRESETS, Config
+from rtl.config import PARAMETERS, PRESETS, Config
 from rtl.determinant import cycles_of
+from sim.bulk import BulkUnit
 from tests.rtl.agreement import assert_agrees, bulk_unit
 from verif.ray_vectors import ray_triangle_vectors
 
@@ -38,6 +41,15 @@ def test_agrees_with_the_model_on_millions(unit: str, preset: str) -> None:
 def test_results_survive_stalls(unit: str) -> None:
     operands = ray_triangle_vectors(20_000, SEED)
     assert equal(bulk_unit(unit, "tiny").run(operands, stall_seed=SEED), ray_triangle(operands)).all()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("depth", PARAMETERS["reciprocal_depth"].values)
+def test_every_depth_of_the_reciprocal(unit: str, depth: int) -> None:
+    operands = ray_triangle_vectors(20_000, SEED)
+    results = BulkUnit(unit, replace(PRESETS["tiny"], reciprocal_depth=depth)).run(operands)
+    assert equal(results, ray_triangle(operands)).all(), f"ray_triangle_vectors(20_000, {SEED})"
 
 
 def test_guard_bit_alone_rounds_every_reciprocal() -> None:
