@@ -50,9 +50,9 @@ CYCLES |= {"ratio": "ratio", "mismatches": "mismatches"}
 PREAMBLE = """\
 # Results
 
-Generated: every table is what the command above it has printed with `--json`, at the commit above the command. How the
-figures come about is in [synthesis.md](synthesis.md). All timing is after mapping and before layout: wires have no
-length, the clock is ideal.
+Generated: every table is what the commands above it have printed with `--json`, at the commit above each command; of a
+unit that two of them measured, the later one's row is shown. How the figures come about is in
+[synthesis.md](synthesis.md). All timing is after mapping and before layout: wires have no length, the clock is ideal.
 """
 
 GATES_TEXT = """\
@@ -210,7 +210,7 @@ def mapped(reports: Sequence[Report]) -> Iterator[str]:
         if memories:
             yield "### Memories in macros\n"
             yield _rows(memories, MACROS) + "\n"
-    checks = [row for report in reports for row in report["checks"]]
+    checks = _sorted(reports, "checks")
     if checks:
         yield "## Netlists against the golden model\n"
         yield _made_by([report for report in reports if report["checks"]])
