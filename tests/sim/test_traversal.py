@@ -256,15 +256,18 @@ def test_stacks_that_are_read_and_written_all_the_time() -> None:
 
 def test_visits_that_wait_keep_to_their_own_rays() -> None:
     """Triangles that overlap: nodes leave long lists, and while one is written, the node stage stops with visits of
-    other rays in it, whose distances must stay theirs."""
+    other rays in it, whose distances must stay theirs. Half of the rays are short, the others meet little."""
     rng = np.random.default_rng(SEED)
     triangles = np.zeros(600, TRIANGLE)
     centre = rng.random((600, 3), np.float32)
     for name in ("v0", "v1", "v2"):
         triangles[name] = centre + rng.normal(scale=0.3, size=(600, 3)).astype(np.float32)
-    blocks = build_wide(triangles).blocks
-    queries = queries_of(diffuse_rays(triangles, 2000, SEED))
-    run = unit().run(blocks, queries, latency=20)
+    blocks = build_wide(triangles, masks=np.where(rng.random(600) < 0.06, 1, 2).astype(np.uint8)).blocks
+    rays = diffuse_rays(triangles, 3000, SEED)
+    short = np.arange(len(rays)) % 2 == 0
+    rays["t_max"][short] = 0.05
+    queries = queries_of(rays, mask=np.where(short, 0xFF, 1).astype(np.uint8))
+    run = unit().run(blocks, queries, latency=0)
     wrong = np.flatnonzero(~bitpack.equal(run.results, trace_tree(blocks, queries)[0]))
     assert not len(wrong), f"seed {SEED}: {len(wrong)} rays differ, the first is {queries[wrong[0]]}"
     assert run.counters["node_stalled"] > 0.05 * run.cycles
