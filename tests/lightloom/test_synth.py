@@ -209,7 +209,7 @@ def test_area_of_a_unit_with_memories() -> None:
     row = {**ROW, "unit": "traversal", "preset": "full", "clock_ns": 5.0, "memories": 2, "memory_bits": 5376}
     with_macros = {**row, "library": "ihp-sg13g2 typ", "area_um2": 1000.0, "whole_area_um2": 1450.0}
     small = {**MEMORY, "memory": "times", "macro": "flip-flops", "macros": 0, "filled": None, "access_ns": None}
-    reports = [
+    reports: list[dict[str, Any]] = [
         {"command": "lightloom synth traversal", "versions": VERSIONS, "rows": [with_macros], "checks": []}
         | {"memories": [MEMORY, small]},
         {"command": "lightloom synth traversal --pdk asap7", "versions": VERSIONS, "checks": []}
