@@ -44,7 +44,11 @@ FPGA |= {"wrapper_flip_flops": "the wrapper's", "multipliers": "multipliers", "b
 FPGA |= {"fits": "fits", "fmax_mhz": "MHz"}
 CYCLES = {"scene": "scene", "width": "width", "contexts": "contexts", "latency": "latency", "rays": "rays"}
 CYCLES |= {"cycles_per_ray": "cycles a ray", "node_tests": "node tests"}
-CYCLES |= {"golden_node_tests": "golden", "triangle_tests": "triangle tests", "golden_triangle_tests": "golden ones"}
+CYCLES |= {
+    "golden_node_tests": "golden node tests",
+    "triangle_tests": "triangle tests",
+    "golden_triangle_tests": "golden triangle tests",
+}
 CYCLES |= {"ratio": "ratio", "mismatches": "mismatches"}
 
 PREAMBLE = """\

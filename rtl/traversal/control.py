@@ -51,7 +51,8 @@ class Control(wiring.Component):
     - `leaf`: strobe, a visited block of triangles; `hit` ends the ray, `error` (TRACE_ERRORS) makes it fail.
     - `node_request`, `leaf_request`: streams of visits. Whoever takes them has room for `contexts * overlap` of each.
     - `time_read`: how far the ray's best hit is, asked of the leaf stage.
-    - `failed`: two strobes, of the node's and of the leaf's side: why a ray has failed, once a ray.
+    - `failed`: two strobes, of the node's and of the leaf's side: why a ray has failed, once a ray; both in one cycle
+      where a node and a leaf of it fail together, and then the node's counts.
     - `finished`: stream of rays that are done; `failed`, and `by_leaf`: which side's strobe says why.
     - `release`: strobe, the context is free again.
     - `root`, `levels` of the tree; `overlap`: greatest number of visits of a ray under way (0 stands for 1).
