@@ -28,8 +28,9 @@ from rtl.traversal.records import (
 )
 from rtl.traversal.stacks import LISTS, Stacks
 
-POPS = 7
-"""Visits on their way from the stacks to a request: three in registers, the others wait for their turn."""
+POPS = 6
+"""Visits on their way from the stacks to a request: three in registers, the others wait for their turn. One a cycle
+needs five."""
 FEW = 2
 """Visits of nodes that may wait for their turn while others are chosen that may turn out to be needless."""
 WINDOW = 8
