@@ -44,21 +44,17 @@ class Buffer(wiring.Component):
         return m
 
 
-MORE = 3
-"""Items in a queue from which on it says that there are more than pass through it."""
-
-
 class Queue(wiring.Component):
     """First in, first out, in a RAM with a synchronous read: latency 2, one transfer a cycle.
 
-    It is always ready: whoever uses it never has more than `depth` items in it. `more`: there are at least MORE.
+    It is always ready: whoever uses it never has more than `depth` items in it. With `many` there is a port `has_many`,
+    high while it has at least so many.
     """
 
-    def __init__(self, shape: Any, depth: int):
-        self.depth = depth
-        super().__init__(
-            {"i": In(stream.Signature(shape, always_ready=True)), "o": Out(stream.Signature(shape)), "more": Out(1)}
-        )
+    def __init__(self, shape: Any, depth: int, *, many: int = 0):
+        self.depth, self.many = depth, many
+        ports = {"i": In(stream.Signature(shape, always_ready=True)), "o": Out(stream.Signature(shape))}
+        super().__init__(ports | ({"has_many": Out(1)} if many else {}))
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
@@ -72,8 +68,9 @@ class Queue(wiring.Component):
             Value.cast(self.o.payload).eq(fifo.r_data),
             self.o.valid.eq(fifo.r_rdy),
             fifo.r_en.eq(self.o.ready),
-            self.more.eq(fifo.level >= MORE),
         ]
+        if self.many:
+            m.d.comb += self.has_many.eq(fifo.level >= self.many)
         return m
 
 

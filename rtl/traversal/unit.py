@@ -30,6 +30,10 @@ MASTERS = 3
 """The header reader and two caches share the memory port."""
 
 
+BACKLOG = 3
+"""Requests in front of a cache from which on they wait, and do not only pass."""
+
+
 class Traversal(wiring.Component):
     """Traces `config.contexts` rays at a time (docs/traversal_unit.md).
 
@@ -157,8 +161,8 @@ class Traversal(wiring.Component):
         caches = {}
         backlog: Value = Const(0)
         for name, requests in (("node", control.node_request), ("triangle", control.leaf_request)):
-            queue = part(f"{name}_queue", Queue(requests.payload.shape(), visits))
-            backlog |= queue.more
+            queue = part(f"{name}_queue", Queue(requests.payload.shape(), visits, many=BACKLOG))
+            backlog |= queue.has_many
             cache = BlockCache(
                 sets=getattr(config, f"{name}_sets"),
                 ways=getattr(config, f"{name}_ways"),
