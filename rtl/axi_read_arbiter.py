@@ -14,8 +14,8 @@ class AxiReadArbiter(Component):
 
     Ports: `masters`, an array of `count` AXI4 read ports, and `m_axi`, whose ids are a master's with the master's
     number above them. Both channels go through a buffer of two registers, so that neither side's ready is combinational
-    in the other's: a cycle of latency each. Data goes to the master that its id names; a master that does not take its
-    data holds up the others'.
+    in the other's: a cycle of latency each. Data goes to the master that its id names, and nowhere if it names none; a
+    master that does not take its data holds up the others'.
 
     `abort`, a strobe: from the next cycle on no address is offered but one that is already, which AXI does not let go.
     `aborting` is high from then until all bursts have come to their end; their beats are taken and dropped. The masters
@@ -68,7 +68,9 @@ class AxiReadArbiter(Component):
         fields = data.StructLayout({name: len(getattr(port, name)) for name in names})
         beats = Buffer(fields)
         m.submodules.beats = ResetInserter(self.aborting)(beats)
-        m.d.comb += [beats.i.valid.eq(port.rvalid), port.rready.eq(beats.i.ready)]
+        # An id that names no master is no master's: its beats are taken and dropped.
+        somebody = port.rid[id_width:] < self.count
+        m.d.comb += [beats.i.valid.eq(port.rvalid & somebody), port.rready.eq(beats.i.ready)]
         m.d.comb += [beats.i.payload[name].eq(getattr(port, name)) for name in names]
         beat = beats.o.payload
         ready = []

@@ -23,8 +23,8 @@ def parameter(default: int, values: Sequence[int], says: str) -> Any:
 class Config:
     """Every parameter of every unit. Depths are register stages of an operator; all of them keep one result a cycle.
 
-    Raises ConfigError for a value that its field does not allow. At every end of every range the hardware is right:
-    tests/rtl/test_config.py traces rays through it.
+    Raises ConfigError for a value that its field does not allow. tests/rtl/test_config.py traces rays through hardware
+    at the ends of all ranges, with two units at most, and elaborates every pair of ends.
     """
 
     tag_width: int = parameter(8, range(1, 33), "bits of the tag that travels with each operation")

@@ -83,8 +83,7 @@ def data(count: int) -> Bench:
     bench.require("no_abort", ~component.aborting)
     port, masters = component.m_axi, component.masters
     low = SHAPE["id_width"]
-    if component.number_width:
-        bench.assume(port.rid[low:] < count)
+    somebody = port.rid[low:] < count
     valids = Cat(master.rvalid for master in masters)
     bench.require("one_master_a_beat", (valids & (valids - 1)[:count]) == 0)
     for k, master in enumerate(masters):
@@ -96,7 +95,7 @@ def data(count: int) -> Bench:
     tracker = Tracker(
         bench,
         most=2,
-        enters=port.rvalid & port.rready,
+        enters=port.rvalid & port.rready & somebody,
         incoming=Cat(port.rdata, port.rid, port.rresp, port.rlast),
         leaves=reduce(or_, (master.rvalid & master.rready for master in masters)),
         offers=valids.any(),
@@ -106,6 +105,8 @@ def data(count: int) -> Bench:
     for register, holds in (("first", "o__valid"), ("kept", "held")):
         number = bench.inner(f"beats/{register}")[SHAPE["data_width"] + low :][: component.number_width]
         bench.require(f"{register}_for_somebody", ~bench.inner(f"beats/{holds}") | (number < count))
+    if count & (count - 1):
+        bench.reach("for_nobody", port.rvalid & port.rready & ~somebody)
     return bench
 
 

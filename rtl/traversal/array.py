@@ -109,5 +109,7 @@ class TraversalArray(wiring.Component):
                 m.d.comb += self.load_error.eq(unit.load_error)
         for name in COUNTERS:
             count = f"count_{name}"
-            m.d.sync += getattr(self, count).eq(sum((getattr(unit, count) for unit in units), Const(0)))
+            total = sum((getattr(unit, count) for unit in units), Const(0))
+            # An abort leaves nothing behind it, though the sum comes a cycle late.
+            m.d.sync += getattr(self, count).eq(Mux(self.aborting, 0, total))
         return m
