@@ -17,7 +17,7 @@ from golden_model.ray_offset import lift
 from golden_model.scene import Scene
 from golden_model.texel_records import MARGIN, texel_records, unit
 from golden_model.tracer import Trace
-from golden_model.unwrap_process import Unwrapper
+from golden_model.unwrap_process import KilledError, Unwrapper
 
 PLANAR_TRIANGLES = 512
 """Objects with more triangles are taken for curved meshes without looking for flat pieces."""
@@ -45,7 +45,8 @@ def unwrap(
 
     `trace` traces rays through the scene's triangles; without it buried texels are not looked for. `cache` is a folder
     that keeps the charts of curved meshes (`mesh_charts.default_cache()`), None keeps nothing.
-    Raises InputError where the texels are so small that there would be more than MOST_TEXELS.
+    Raises InputError where the texels are so small that there would be more than MOST_TEXELS, and where the process
+    that makes the charts of curved meshes is killed from outside.
     """
     size = scene.texel_size if texel_size is None else texel_size
     if not (np.isfinite(size) and size > 0):
@@ -105,7 +106,13 @@ def _unwrap_object(scene: Scene, number: int, texel_size: float, cache: Path | N
     if not scene.lightmapped[number]:
         return _empty_map(int(members.sum()))
     corners = scene.corners[members]
-    charts = object_charts(corners, texel_size, cache, unwrapper)
+    try:
+        charts = object_charts(corners, texel_size, cache, unwrapper)
+    except KilledError as error:
+        raise InputError(
+            f"{scene.name}: object {scene.object_names[number]!r}: the process that makes its lightmap charts was "
+            "killed, perhaps for want of memory; free some, or take a mesh of fewer triangles"
+        ) from error
     span = scene.spans[members]
     if (path := scene.object_path[number]) is not None and not path.stays:
         # Texels and triangles are carried to a frame's pose each by itself: both round with the coordinates there.

@@ -25,10 +25,17 @@ FEWEST_TRIANGLES = 512
 """A piece of a mesh with no more triangles is not cut again where xatlas fails on it: it gets a chart a flat piece."""
 
 
-def default_cache() -> Path:
-    """Where charts are kept: $LIGHTLOOM_CACHE, or `lightloom` in $XDG_CACHE_HOME, or ~/.cache/lightloom."""
-    own = os.environ.get("LIGHTLOOM_CACHE")
-    return Path(own) if own else Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lightloom"
+def default_cache() -> Path | None:
+    """Where charts are kept: $LIGHTLOOM_CACHE, or `lightloom` in $XDG_CACHE_HOME, or ~/.cache/lightloom.
+
+    None, nowhere, for a user without a home: no $HOME, and no entry among the system's users.
+    """
+    if own := os.environ.get("LIGHTLOOM_CACHE"):
+        return Path(own)
+    try:
+        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "lightloom"
+    except RuntimeError:
+        return None
 
 
 def mesh_charts(
@@ -38,6 +45,7 @@ def mesh_charts(
 
     With `cache` (a folder) charts are looked up by a hash of everything they depend on, and kept there. A damaged entry
     is made again; a folder that cannot be written is no error. `unwrapper` is one that is already there.
+    Raises KilledError where its process is killed from outside; then nothing is kept.
     """
     points, faces = _indexed(corners)
     settings = repr((VERSION, GAP, importlib.metadata.version("xatlas"), texel_size, faces.shape, points.shape))

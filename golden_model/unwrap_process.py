@@ -6,6 +6,7 @@ This file is both ends: `Unwrapper` runs it as a program, which reads meshes fro
 
 import io
 import os
+import signal
 import struct
 import subprocess
 import sys
@@ -18,6 +19,17 @@ import numpy as np
 
 SECONDS, SECONDS_A_TRIANGLE = 120.0, 0.01
 """Time that a mesh may take, many times what it needs: a busy machine has to make the same charts as an idle one."""
+
+
+CRASHES = frozenset(-number for number in (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL))
+"""Exit codes of a child that died of what it did itself; any other death came from outside."""
+
+DIES_WITH_PARENT = 1
+"""PR_SET_PDEATHSIG of Linux' prctl."""
+
+
+class KilledError(Exception):
+    """The child was ended from outside: that says nothing about the mesh, which may have charts at another time."""
 
 
 class Unwrapper:
@@ -34,15 +46,34 @@ class Unwrapper:
         self._end()
 
     def charts(self, points: np.ndarray, faces: np.ndarray, padding: int) -> dict[str, np.ndarray] | None:
-        """What `unwrap` makes of the mesh; None where it crashes, takes too long or finds no chart that can be used."""
+        """What `unwrap` makes of the mesh; None where it crashes, takes too long or finds no chart that can be used.
+
+        A mesh whose child is killed from outside is tried once more; raises KilledError where that happens again.
+        """
+        try:
+            made = self._ask(points, faces, padding)
+        except KilledError:
+            made = self._ask(points, faces, padding)
+        return made if made is not None and _usable(made, len(faces)) else None
+
+    def _ask(self, points: np.ndarray, faces: np.ndarray, padding: int) -> dict[str, np.ndarray] | None:
+        """The child's answer; None where it crashes or takes too long, KilledError where it ends in another way."""
         child = self._child or self._start()
-        limit = threading.Timer(SECONDS + SECONDS_A_TRIANGLE * len(faces), child.kill)
+        late = threading.Event()
+
+        def stop() -> None:
+            late.set()
+            child.kill()
+
+        limit = threading.Timer(SECONDS + SECONDS_A_TRIANGLE * len(faces), stop)
         limit.start()
         try:
-            _send(child.stdin, points=points, faces=faces, padding=np.array(padding))
-            made = _receive(child.stdout)
-        except OSError:  # it died while it was written to
-            made = None
+            try:
+                _send(child.stdin, points=points, faces=faces, padding=np.array(padding))
+                made = _receive(child.stdout)
+            except OSError:  # it died while it was written to
+                made = None
+            crashed = made is None and child.wait() in CRASHES
         except BaseException:  # Ctrl-C: the child may be in the middle of an answer
             self._end()
             raise
@@ -50,21 +81,25 @@ class Unwrapper:
             limit.cancel()
         if made is None:
             self._end()
-            return None
-        return made if _usable(made, len(faces)) else None
+            if not (crashed or late.is_set()):
+                raise KilledError
+        return made
 
     def _start(self) -> "subprocess.Popen[bytes]":
         # -P: the folder of this file must not come before the standard library, whose names some of its files have.
         # A session of its own: Ctrl-C reaches this process only, which then ends the child.
         self._child = child = subprocess.Popen(
-            [sys.executable, "-P", str(self._program)],
+            [sys.executable, "-P", str(self._program), str(os.getpid())],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
         if _receive(child.stdout) is None:
+            code = child.wait()
             self._end()
+            if code < 0 and code not in CRASHES:
+                raise KilledError
             raise RuntimeError(
                 f"the process for lightmap charts does not start; try: {sys.executable} -c 'import xatlas'"
             )
@@ -147,8 +182,22 @@ def _receive(stream: Any) -> dict[str, np.ndarray] | None:
         return dict(arrays)
 
 
+def _die_with_parent(parent: int) -> None:
+    """A parent that is killed ends no child, and one that is busy would not notice for as long as its mesh takes.
+
+    Linux only: elsewhere the child goes on to the end of its mesh, and then finds that nobody listens.
+    """
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None).prctl(DIES_WITH_PARENT, signal.SIGKILL, 0, 0, 0)
+        if os.getppid() != parent:  # it died before it could be asked for
+            os._exit(1)
+
+
 def main() -> None:
     """The child process. What xatlas may print goes nowhere; at the end nothing is destroyed."""
+    _die_with_parent(int(sys.argv[1]))
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     serve(sys.stdin.buffer, answers)

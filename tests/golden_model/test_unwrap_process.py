@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from golden_model import unwrap_process
-from golden_model.charts import object_charts
+from golden_model.charts import object_charts, unwrap
+from golden_model.errors import InputError
 from golden_model.mesh import area_vectors
-from golden_model.mesh_charts import FEWEST_TRIANGLES, mesh_charts
+from golden_model.mesh_charts import FEWEST_TRIANGLES, default_cache, mesh_charts
 from golden_model.planar_charts import GAP, ObjectCharts
+from golden_model.scene import load_scene
 from golden_model.shapes import icosphere
-from golden_model.unwrap_process import Unwrapper
+from golden_model.unwrap_process import KilledError, Unwrapper
 
 ROOT = Path(unwrap_process.__file__).parents[1]
 
@@ -140,7 +142,78 @@ def test_a_process_that_does_not_start(tmp_path: Path) -> None:
         mesh_charts(ball(2), 0.1, unwrapper=process)
 
 
-def test_ctrl_c_leaves_no_process_behind(tmp_path: Path) -> None:
+KILLED = {
+    "SIGKILL": "os.kill(os.getpid(), signal.SIGKILL)",
+    "SIGTERM": "os.kill(os.getpid(), signal.SIGTERM)",
+    "exit": "os._exit(1)",
+}
+"""How a process ends that no fault of its mesh has ended."""
+
+
+def killed(folder: Path, death: str, times: int) -> Path:
+    """xatlas, but its process ends in another way, at the first `times` meshes."""
+    path = program(folder, "refuses", most=0)
+    note = folder / "deaths"
+    path.write_text(
+        path.read_text().replace(
+            "raise MemoryError",
+            f"with open({str(note)!r}, 'a+') as note:\n"
+            f"            note.write('x')\n            note.seek(0)\n            deaths = len(note.read())\n"
+            f"        if deaths <= {times}:\n            {KILLED[death]}",
+        )
+    )
+    return path
+
+
+@pytest.mark.parametrize("death", KILLED)
+def test_a_process_killed_once_leaves_its_mesh_whole(tmp_path: Path, death: str) -> None:
+    corners = ball(3)
+    with Unwrapper(killed(tmp_path, death, times=1)) as process:
+        charts = mesh_charts(corners, 0.1, unwrapper=process)
+    assert charts.uv.tobytes() == mesh_charts(corners, 0.1).uv.tobytes()
+
+
+@pytest.mark.parametrize("death", KILLED)
+def test_of_a_process_killed_twice_nothing_is_kept(tmp_path: Path, death: str) -> None:
+    corners, cache = ball(3), tmp_path / "cache"
+    with Unwrapper(killed(tmp_path, death, times=2)) as process:
+        with pytest.raises(KilledError):
+            mesh_charts(corners, 0.1, cache, process)
+        assert (tmp_path / "deaths").read_text() == "xx"
+        assert not cache.exists()
+        after = mesh_charts(corners, 0.1, cache, process)
+    assert after.uv.tobytes() == mesh_charts(corners, 0.1).uv.tobytes()
+
+
+def test_the_object_whose_process_is_killed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text("[[sphere]]\nname = 'moon'\ncenter = [0, 0, 0]\nradius = 1\n")
+    child = killed(tmp_path, "SIGKILL", times=2)
+    monkeypatch.setattr("golden_model.charts.Unwrapper", lambda: Unwrapper(child))
+    with pytest.raises(InputError, match=r"scene.*: object 'moon': .* was killed, perhaps for want of memory"):
+        unwrap(load_scene(path), 0.1, cache=tmp_path / "cache")
+    assert not (tmp_path / "cache").exists()
+
+
+def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("LIGHTLOOM_CACHE", "XDG_CACHE_HOME", "HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("pwd.getpwuid", lambda _: {}["no such user"])
+    assert default_cache() is None
+    monkeypatch.setenv("XDG_CACHE_HOME", "/kept")
+    assert default_cache() == Path("/kept/lightloom")
+
+
+def gone(process: str) -> bool:
+    """Whether a process has ended; where nobody waits for orphans it stays in the list, as a zombie."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return True
+
+
+@pytest.mark.parametrize("end_of_parent", ["SIGINT", "SIGTERM", "SIGHUP", "SIGKILL"])
+def test_no_process_is_left_behind(tmp_path: Path, end_of_parent: str) -> None:
     child = program(tmp_path, "hangs", most=0)
     child.write_text(
         child.read_text().replace(
@@ -159,6 +232,9 @@ def test_ctrl_c_leaves_no_process_behind(tmp_path: Path) -> None:
     end = time.monotonic() + 60
     while not (noted.exists() and noted.read_text()) and time.monotonic() < end:
         time.sleep(0.02)
-    parent.send_signal(signal.SIGINT)
+    parent.send_signal(signal.Signals[end_of_parent])
     assert parent.wait(60) != 0
-    assert not Path(f"/proc/{noted.read_text()}").exists()
+    end = time.monotonic() + 10
+    while not gone(noted.read_text()) and time.monotonic() < end:
+        time.sleep(0.02)
+    assert gone(noted.read_text())
