@@ -4,6 +4,7 @@ from pathlib import Path
 
 from golden_model.errors import InputError
 from golden_model.gltf_file import load_gltf
+from golden_model.named_files import lack
 from golden_model.obj_file import load_obj
 from golden_model.ply_file import load_ply
 from golden_model.scene import Part
@@ -14,7 +15,7 @@ def load_mesh(path: Path) -> list[Part]:
 
     Raises InputError where the file is missing, damaged or holds no triangles.
     """
-    if not path.is_file():
+    if lack(path):
         raise InputError(f"{path}: no such file")
     loader = _LOADERS.get(path.suffix.lower())
     if loader is None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.errors import InputError, warn
+from golden_model.named_files import lack
 from golden_model.remarks import Remarks
 from golden_model.scene import DEFAULT_ALBEDO
 from golden_model.wavefront import lines
@@ -31,6 +32,7 @@ class Materials:
         self.path = path
         self._read: dict[str, Colours] = {}
         self._used: dict[str, int] = {}
+        self._files: set[Path] = set()
 
     def use(self, name: str, line: int) -> None:
         """Notes a `usemtl`; the file may name its material file only later."""
@@ -38,13 +40,22 @@ class Materials:
             self._used.setdefault(name, line)
 
     def load(self, text: str, line: int) -> None:
-        """Reads the files of a `mtllib` line. Raises InputError for one that is damaged."""
+        """Reads the files of a `mtllib` line: of several with a material of one name the first counts.
+
+        Raises InputError for one that is damaged.
+        """
         for name in _file_names(self.path.parent, text):
             file = self.path.parent / name
-            if file.is_file():
-                self._read |= _load_mtl(file)
+            if file in self._files:
+                continue
+            self._files.add(file)
+            if state := lack(file):
+                warn(f"{self.path}, line {line}: material file {file} is {state}; its materials become grey")
             else:
-                warn(f"{self.path}, line {line}: material file {file} is missing; its materials become grey")
+                found = _load_mtl(file)
+                if twice := [name for name in found if name in self._read]:
+                    warn(f"{file}: material {', '.join(twice)} is defined twice; that of the first file counts")
+                self._read = found | self._read
 
     def colours(self) -> dict[str, Colours]:
         """Of all materials, "" the one that no file names; those that are used but nowhere defined are grey."""
@@ -62,7 +73,7 @@ def _file_names(folder: Path, text: str) -> list[str]:
     if not text:
         return []
     text = text.replace("\\", "/")
-    if (folder / text).is_file():
+    if not lack(folder / text):
         return [text]
     return re.findall(r"\S.*?\.mtl(?=\s|$)", text, flags=re.IGNORECASE) or text.split()
 

@@ -12,6 +12,7 @@ from golden_model.cornell_box import BLOCKS, PART_NAMES, ROOM, cornell_box_parts
 from golden_model.errors import InputError
 from golden_model.mesh import check_part, with_area
 from golden_model.mesh_files import load_mesh
+from golden_model.named_files import lack
 from golden_model.scene import DEFAULT_ALBEDO, DEFAULT_IOR, DIFFUSE, GLASS, MIRROR, Part, vector
 from golden_model.scene_paths import PATH, object_path
 from golden_model.scene_tables import Table
@@ -149,7 +150,7 @@ class Objects:
 
     def _file(self, table: Table, key: str) -> list[Part]:
         file = self.folder / table.text(key)
-        if not file.is_file():
+        if lack(file):
             raise InputError(f"{table.where}: no such file: {file}")
         return load_mesh(file)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.errors import InputError
+from golden_model.named_files import lack
 
 LARGEST_SIDE = 16384
 
@@ -59,7 +60,7 @@ def load_texture(path: Path, where: str) -> np.ndarray:
     """The picture of a file. `where` begins the message of the InputError for one that cannot be used."""
     from PIL import Image  # only scenes with textures need it
 
-    if not path.is_file():
+    if lack(path):
         raise InputError(f"{where}: no such file: {path}")
     try:
         with Image.open(path) as picture:

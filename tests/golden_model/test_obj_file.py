@@ -188,6 +188,23 @@ def test_a_material_defined_twice(tmp_path: Path) -> None:
     assert said == ["m.mtl: material a is defined twice; the last one counts"]
 
 
+def test_of_a_material_in_two_files_the_first_counts(tmp_path: Path) -> None:
+    """In the order of their names, in one line or several; a file that is named again is no second one."""
+    red, rest = "newmtl a\nKd 1 0 0\n", "newmtl a\nKd 0 1 0\nnewmtl l\nKd 0 0 1\n"
+    for named in ("m.mtl n.mtl", "m.mtl\nmtllib n.mtl\nmtllib m.mtl n.mtl"):
+        part, said = load(tmp_path, PAINTED.format(named), m=red, n=rest)
+        assert part.albedo.tolist() == [[1, 0, 0], [0, 0, 1]]
+        assert said == ["n.mtl: material a is defined twice; that of the first file counts"]
+
+
+def test_names_that_are_no_files(tmp_path: Path) -> None:
+    """Longer than names of files can be, and a folder."""
+    (tmp_path / "sub").mkdir()
+    for name, state in (("m" * 300, "missing"), ("sub", "a folder")):
+        _, said = load(tmp_path, PAINTED.format(name))
+        assert said[0] == f"mesh.obj, line 1: material file {name} is {state}; its materials become grey"
+
+
 # --- what is left out ---------------------------------------------------------------------------------------------
 
 

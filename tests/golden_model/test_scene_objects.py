@@ -183,6 +183,8 @@ KEY = "[[box.path]]\nframe = 0\n"
         (SPHERE.replace("= 3\n", "= 1.5\n"), "`subdivisions` must be a whole number"),
         (SPHERE + "coarse_subdivisions = 3\n", "`coarse_subdivisions` must be a whole number from 0 to 2, not 3"),
         (SPHERE + "texture = 'checker'\n", "sphere has no texture coordinates"),
+        (f"[[mesh]]\nfile = '{'m' * 300}.obj'\n", r"\[\[mesh\]\] 1: no such file: .*m\.obj"),
+        (BOX + f"texture = '{'t' * 300}.png'\n", r"\[\[box\]\] 1: no such file: .*t\.png"),
         (BOX + "texture = 'nowhere.png'\n", r"\[\[box\]\] 1: no such file: .*nowhere\.png"),
         (BOX + "texture = 'scene.toml'\n", r"scene\.toml cannot be read as a picture, damaged or cut off"),
         (BOX + "texture_scale = 2\n", "`texture_scale` is of use with a `texture` only"),

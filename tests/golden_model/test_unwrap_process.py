@@ -198,7 +198,7 @@ def test_the_object_whose_process_is_killed_is_named(tmp_path: Path, monkeypatch
 def test_a_user_without_a_home_has_no_cache(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("LIGHTLOOM_CACHE", "XDG_CACHE_HOME", "HOME"):
         monkeypatch.delenv(name, raising=False)
-    monkeypatch.setattr("pwd.getpwuid", lambda _: {}["no such user"])
+    monkeypatch.setattr("pwd.getpwuid", lambda user: dict[int, str]()[user])
     assert default_cache() is None
     monkeypatch.setenv("XDG_CACHE_HOME", "/kept")
     assert default_cache() == Path("/kept/lightloom")
