@@ -13,6 +13,7 @@ import numpy as np
 
 from golden_model.errors import InputError
 from golden_model.mesh import unit_normals
+from golden_model.plain_text import real, whole, without_mark
 from golden_model.polygons import triangulated
 from golden_model.remarks import Remarks
 from golden_model.scene import DEFAULT_ALBEDO, Part
@@ -65,16 +66,18 @@ _Values = dict[str, Any]
 
 def load_ply(path: Path) -> list[Part]:
     """The part of a PLY file, none if it has no faces. Raises InputError."""
-    data = path.read_bytes()
+    data = without_mark(path.read_bytes())
     order, elements, comments, start = _header(path, data)
     remarks = Remarks(path)
     if any(line.split()[1:2] == ["TextureFile"] for line in comments):
         remarks.leave_out("TextureFile")
     try:
-        source = _Binary(data[start:], order) if order else _Text(data[start:])
+        source = _Binary(data[start:], order) if order else _Text(data[start:], len(data[:start].splitlines()) + 1)
         found = {element.name: _read(source, element) for element in elements}
     except (ValueError, OverflowError) as error:
         raise _damaged(path, " ".join(str(error).split())[:100]) from error
+    if not source.at_end():
+        remarks.leave_out("what follows the last element")
     for element in elements:
         if element.name not in ("vertex", "face") and element.count:
             remarks.leave_out(f"`{element.name}`")
@@ -104,7 +107,7 @@ def _header(path: Path, data: bytes) -> tuple[str, list[_Element], list[str], in
             if words[:1] == ["format"]:
                 order = ORDERS[words[1]]
             elif words[:1] == ["element"]:
-                elements.append(_Element(words[1], int(words[2])))
+                elements.append(_Element(words[1], whole(words[2])))
             elif words[:2] == ["property", "list"]:
                 elements[-1].properties.append(_Property(words[4], TYPES[words[3]], TYPES[words[2]]))
             elif words[:1] == ["property"]:
@@ -115,31 +118,65 @@ def _header(path: Path, data: bytes) -> tuple[str, list[_Element], list[str], in
                 raise ValueError
         except (ValueError, IndexError, KeyError):
             raise _damaged(path, f"header line {line.strip()[:60]!r}") from None
+    for what, names in [
+        ("elements", [element.name for element in elements]),
+        *((f"properties of `{element.name}`", [prop.name for prop in element.properties]) for element in elements),
+    ]:
+        for name in names:
+            if names.count(name) > 1:
+                raise _damaged(path, f"two {what} have the name `{name}`")
     if order is None or any(element.count < 0 for element in elements):
         raise _damaged(path, "no format, or a negative count in its header")
     return order, elements, comments, end.end()
 
 
 class _Text:
-    """Words that are numbers."""
+    """Rows of words that are numbers: a row is a thing of its kind."""
 
-    def __init__(self, data: bytes) -> None:
-        self.words = data.split()
+    def __init__(self, data: bytes, first_line: int) -> None:
+        text = data.decode("ascii", errors="backslashreplace")
+        every = enumerate(re.split(r"\r\n|\r|\n", text), start=first_line)
+        self.rows = [(line, words) for line, row in every if (words := row.split())]
         self.place = 0
+        self.word = 0
+        """Of the row at `place`, the next one."""
 
     def take(self, kind: str, count: int) -> np.ndarray:
-        """The next numbers, (count,) float64. Raises ValueError where there are none."""
-        return self.block([(kind, count)], 1)[0][0]
+        """The next numbers of a row, (count,) float64. Raises ValueError where there are none."""
+        line, words = self._row()
+        if self.word + count > len(words):
+            raise ValueError(f"line {line} has too few words, {len(words)}")
+        self.word += count
+        try:
+            return np.array([real(word) for word in words[self.word - count : self.word]], dtype=np.float64)
+        except ValueError as error:
+            raise ValueError(f"line {line}: {error}") from None
+
+    def end_row(self) -> None:
+        """Goes to the next row. Raises ValueError where this one has more words."""
+        line, words = self._row()
+        if self.word < len(words):
+            raise ValueError(f"line {line} has too many words, {len(words)} instead of {self.word}")
+        self.place, self.word = self.place + 1, 0
 
     def block(self, columns: list[tuple[str, int]], rows: int) -> list[np.ndarray]:
         """Rows of numbers: for each column, which holds some, (rows, count) float64."""
         widths = [count for _, count in columns]
-        end = self.place + sum(widths) * rows
-        if end > len(self.words):
-            raise ValueError(f"it has {len(self.words)} of {end} numbers or more")
-        numbers = np.array([float(word) for word in self.words[self.place : end]]).reshape(rows, sum(widths))
-        self.place = end
+        chosen = self.rows[self.place : self.place + rows]
+        if len(chosen) < rows or any(len(words) != sum(widths) for _, words in chosen):
+            raise ValueError("the rows have other lengths")
+        numbers = np.array([real(word) for _, words in chosen for word in words]).reshape(rows, sum(widths))
+        self.place += rows
         return np.split(numbers, np.cumsum(widths)[:-1], axis=1)
+
+    def at_end(self) -> bool:
+        """Whether everything is read."""
+        return self.place == len(self.rows)
+
+    def _row(self) -> tuple[int, list[str]]:
+        if self.at_end():
+            raise ValueError(f"it has {len(self.rows)} rows of numbers, and needs more")
+        return self.rows[self.place]
 
 
 class _Binary:
@@ -153,6 +190,13 @@ class _Binary:
     def take(self, kind: str, count: int) -> np.ndarray:
         """As `_Text.take`."""
         return self.block([(kind, count)], 1)[0][0]
+
+    def end_row(self) -> None:
+        """Rows have no ends here."""
+
+    def at_end(self) -> bool:
+        """As `_Text.at_end`."""
+        return self.place == len(self.data)
 
     def block(self, columns: list[tuple[str, int]], rows: int) -> list[np.ndarray]:
         """As `_Text.block`."""
@@ -176,13 +220,12 @@ def _read(source: _Text | _Binary, element: _Element) -> _Values:
 def _alike(source: _Text | _Binary, element: _Element) -> _Values | None:
     """In one go, where lists of a property have all the same length, as most have; None where they have not."""
     start = source.place
+    first = _row(source, element) if element.count else [np.zeros(0)] * len(element.properties)
     columns, sizes = [], []
-    for prop in element.properties:
-        sizes.append(1 if prop.size is None else _length(source.take(prop.size, 1)) if element.count else 0)
+    for prop, values in zip(element.properties, first, strict=True):
+        sizes.append(1 if prop.size is None else len(values))
         columns += [] if prop.size is None else [(prop.size, 1)]
         columns.append((prop.kind, sizes[-1]))
-        if element.count:
-            source.take(prop.kind, sizes[-1])
     source.place = start
     try:
         blocks = iter(source.block(columns, element.count))
@@ -203,13 +246,23 @@ def _alike(source: _Text | _Binary, element: _Element) -> _Values | None:
 def _one_by_one(source: _Text | _Binary, element: _Element) -> _Values:
     rows: list[list[np.ndarray]] = [[] for _ in element.properties]
     for _ in range(element.count):
-        for prop, row in zip(element.properties, rows, strict=True):
-            row.append(source.take(prop.kind, 1 if prop.size is None else _length(source.take(prop.size, 1))))
+        for row, values in zip(rows, _row(source, element), strict=True):
+            row.append(values)
     out: _Values = {}
     for prop, row in zip(element.properties, rows, strict=True):
         values = np.concatenate(row)
         out[prop.name] = values if prop.size is None else _Lists(np.array([len(one) for one in row]), values)
     return out
+
+
+def _row(source: _Text | _Binary, element: _Element) -> list[np.ndarray]:
+    """The numbers of each property of the next thing."""
+    found = [
+        source.take(prop.kind, 1 if prop.size is None else _length(source.take(prop.size, 1)))
+        for prop in element.properties
+    ]
+    source.end_row()
+    return found
 
 
 def _length(found: np.ndarray) -> int:

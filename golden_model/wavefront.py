@@ -1,14 +1,11 @@
 """Lines of Wavefront's text files, OBJ and MTL, as programs really write them."""
 
-import codecs
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
 from golden_model.errors import InputError
-
-_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
-"""Encodings by the byte order marks that some editors begin a file with."""
+from golden_model.plain_text import without_mark
 
 
 def lines(path: Path) -> Iterator[tuple[int, str, str]]:
@@ -20,9 +17,8 @@ def lines(path: Path) -> Iterator[tuple[int, str, str]]:
         data = path.read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-    mark = next((mark for mark in _MARKS if data.startswith(mark)), b"")
     # Names in another encoding keep their differences: a byte that is no text becomes its code.
-    text = data[len(mark) :].decode(_MARKS.get(mark, "utf-8"), errors="backslashreplace")
+    text = without_mark(data).decode("utf-8", errors="backslashreplace")
     pending = ""
     every = re.split(r"\r\n|\r|\n", text)
     for number, line in enumerate(every, start=1):

@@ -1,5 +1,6 @@
 """PLY files as programs write them: text and binary, polygons, names of properties, what is left out, damage."""
 
+import codecs
 import struct
 import warnings
 from pathlib import Path
@@ -63,6 +64,21 @@ def test_line_ends(tmp_path: Path, end: str) -> None:
     assert part.corners.tolist() == np.array(POINTS)[TRIANGLES].tolist()
 
 
+@pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
+def test_what_follows_the_last_element_is_said_to_be_left_out(tmp_path: Path, kind: str) -> None:
+    part, said = load(tmp_path, written(kind) + b"3 0 4 1\n")
+    assert part.corners.tolist() == np.array(POINTS)[TRIANGLES].tolist()
+    assert said == ["left out: what follows the last element"]
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_byte_order_marks(tmp_path: Path, encoding: str) -> None:
+    part, said = load(tmp_path, written("ascii").decode().encode(encoding))
+    assert part.corners.tolist() == np.array(POINTS)[TRIANGLES].tolist()
+    assert not said
+    assert load(tmp_path, codecs.BOM_UTF8 + written("binary_big_endian"))[0].corners.tolist() == part.corners.tolist()
+
+
 def text(vertex: str, face: str, rows: str) -> bytes:
     return f"ply\nformat ascii 1.0\nelement vertex 3\n{vertex}\n{face}\nend_header\n{rows}\n".encode()
 
@@ -115,11 +131,20 @@ def test_faces_that_cross_themselves_are_told(tmp_path: Path) -> None:
         (b"3 0 4 1", b"-3 0 4 1", "a list has -3 members"),
         (b"3 0 4 1", b"1e300 0 4 1", "damaged or cut off"),
         (b"3 0 4 1", b"inf 0 4 1", "damaged or cut off"),
-        (b"3 0 4 1", b"3 0 x 1", "damaged or cut off"),
-        (b"element face 3", b"element face 4", "it has 28 of 29 numbers or more"),
+        (b"3 0 4 1", b"3 0 x 1", "line 16: 'x' is not a number"),
+        (b"element face 3", b"element face 4", "it has 8 rows of numbers, and needs more"),
         (b"element face 3", b"element face 999999999999999999", "damaged or cut off"),
         (b"element face 3", b"element face -3", "damaged or cut off"),
         (b"element face 3", b"element face 0", "no triangles; a mesh needs at least one"),
+        (b"3 0 4 1", b"3 0 4 1 7", "line 16 has too many words, 5 instead of 4"),
+        (b"3 0 4 1", b"3 0 4", "line 16 has too few words, 3"),
+        (b"2 1 0", b"2 1", "line 12 has too few words, 2"),
+        (b"2 1 0", b"2 1 0 0", "line 12 has too many words, 4 instead of 3"),
+        (b"2 1 0", b"2 1_0 0", "'1_0' is not a number"),
+        (b"2 1 0", "2 \u0661 0".encode(), "is not a number"),
+        (b"element face 3", b"element face 0_3", "header line 'element face 0_3'"),
+        (b"property float z", b"property float z\nproperty float x", "two properties of `vertex` have the name `x`"),
+        (b"element face 3", b"element vertex 3", "two elements have the name `vertex`"),
         (b"property float x", b"property float w", "no x, y, z of its vertices"),
         (b"property float x", b"property half x", "header line 'property half x'"),
         (b"property float x", b"proper", "header line 'proper'"),
