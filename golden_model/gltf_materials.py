@@ -20,9 +20,8 @@ def material_colours(read: Accessors, document: Any, remarks: Remarks, number: A
     base = read.floats(surface and surface.baseColorFactor, 4, f"baseColorFactor of material {number}", (1, 1, 1, 1))
     glow = read.floats(material.emissiveFactor, 3, f"emissiveFactor of material {number}", (0, 0, 0))
     strength = (extensions.get(STRENGTH) or {}).get("emissiveStrength", 1.0)
-    glow = glow * read.floats([strength], 1, f"emissiveStrength of material {number}")
-    if not (np.isfinite(base).all() and np.isfinite(glow).all()):
-        raise read.error(f"a colour of material {number} is NaN or infinite")
+    with np.errstate(over="ignore", invalid="ignore"):  # refused below
+        glow = glow * read.floats([strength], 1, f"emissiveStrength of material {number}")
     _leave_out(remarks, material, surface, glow)
     return (
         remarks.clamped(base[:3], 1, f"baseColorFactor of material {number}"),

@@ -11,6 +11,7 @@ import numpy as np
 
 from golden_model.errors import InputError, warn
 from golden_model.named_files import lack
+from golden_model.plain_text import real
 from golden_model.remarks import Remarks
 from golden_model.scene import DEFAULT_ALBEDO
 from golden_model.wavefront import lines
@@ -84,17 +85,20 @@ def _load_mtl(path: Path) -> dict[str, Colours]:
     remarks = Remarks(path)
     twice: list[str] = []
     colours: Colours | None = None
+    material = ""
     for line, key, text in lines(path):
         where = f"{path}, line {line}"
         if key == "newmtl":
             twice += [text] if text in out else []
+            material = text
             out[text] = colours = (list(DEFAULT_ALBEDO), [0.0, 0.0, 0.0])
         elif colours is None:
             continue
         elif key in ("Kd", "Ke"):
-            colour = _colour(where, key, text.split())
+            colour = _colour(f"{where}: `{key}` of material {material}", text.split())
             most = 1 if key == "Kd" else None
-            colours[key == "Ke"][:] = remarks.clamped(colour, most, f"line {line}: {key} {text}")
+            what = f"line {line}: {key} {text} of material {material}"
+            colours[key == "Ke"][:] = remarks.clamped(colour, most, what)
         elif PICTURES.match(key) or (key in NEUTRAL and _differs(text, NEUTRAL[key])):
             remarks.leave_out(f"`{key}`")
     remarks.say()
@@ -103,12 +107,14 @@ def _load_mtl(path: Path) -> dict[str, Colours]:
     return out
 
 
-def _colour(where: str, key: str, values: list[str]) -> np.ndarray:
-    """Red, green, blue; one number is a grey."""
+def _colour(where: str, values: list[str]) -> np.ndarray:
+    """Red, green, blue; one number is a grey. `where` begins the message of the InputError for all else."""
+    if values[:1] in (["spectral"], ["xyz"]):
+        raise InputError(f"{where} is given as `{values[0]}`, which is not read; give it red, green and blue")
     try:
-        red, green, blue = (float(word) for word in (values * 3 if len(values) == 1 else values[:3]))
+        red, green, blue = (real(word) for word in (values * 3 if len(values) == 1 else values[:3]))
     except ValueError:
-        raise InputError(f"{where}: `{key}` needs one or three numbers; the file may be damaged or cut off") from None
+        raise InputError(f"{where} needs one or three numbers; the file may be damaged or cut off") from None
     return np.array([red, green, blue])
 
 
@@ -116,7 +122,7 @@ def _differs(text: str, neutral: float) -> bool:
     """Whether any of the numbers is another one; words that are no numbers say nothing."""
     for word in text.split():
         try:
-            if float(word) != neutral:
+            if real(word) != neutral:
                 return True
         except ValueError:
             continue

@@ -12,6 +12,7 @@ import numpy as np
 from golden_model.errors import InputError
 from golden_model.mesh import unit_normals
 from golden_model.mtl_file import Colours, Materials
+from golden_model.plain_text import real, whole
 from golden_model.polygons import triangulated
 from golden_model.remarks import Remarks
 from golden_model.scene import Part
@@ -97,12 +98,14 @@ def _part(
 ) -> Part:
     """`crossing` gets the lines of faces that cross themselves."""
     corners, sizes = np.array(item.corners), np.array(item.sizes)
-    outside = (corners[:, 0] < 0) | (corners[:, 0] >= len(points))
-    if outside.any():
-        face = int(np.repeat(np.arange(len(sizes)), sizes)[np.argmax(outside)])
-        raise InputError(
-            f"{path}, line {item.line[face]}: a face names a vertex that does not exist; the file has {len(points)}"
-        )
+    for column, (what, there) in enumerate((("vertex", points), ("normal", directions), ("`vt`", coordinates))):
+        # -1 stands for none; a vertex is always named.
+        outside = corners[:, column] >= len(there)
+        if outside.any():
+            face = int(np.repeat(np.arange(len(sizes)), sizes)[np.argmax(outside)])
+            raise InputError(
+                f"{path}, line {item.line[face]}: a face names a {what} that does not exist; the file has {len(there)}"
+            )
     triangles = triangulated(points, corners[:, 0], sizes)
     crossing += [item.line[face] for face in triangles.crossing]
     index = corners[triangles.corner]
@@ -124,14 +127,14 @@ def _part(
 
 def _unit_normals(directions: np.ndarray, index: np.ndarray) -> np.ndarray | None:
     """Unit normals at the corners, None where a corner has none that can be used: then they are derived."""
-    if (index < 0).any() or (index >= len(directions)).any():
+    if (index < 0).any():
         return None
     return unit_normals(directions[index])
 
 
 def _texture_coordinates(coordinates: np.ndarray, index: np.ndarray) -> np.ndarray | None:
     """Texture coordinates at the corners, None where a corner has none that can be used."""
-    if (index < 0).any() or (index >= len(coordinates)).any():
+    if (index < 0).any():
         return None
     with np.errstate(over="ignore"):
         chosen = coordinates[index].astype(np.float32)
@@ -140,7 +143,7 @@ def _texture_coordinates(coordinates: np.ndarray, index: np.ndarray) -> np.ndarr
 
 def _three(where: str, key: str, values: list[str]) -> list[float]:
     try:
-        x, y, z = (float(word) for word in values[:3])
+        x, y, z = (real(word) for word in values[:3])
     except ValueError:
         raise InputError(f"{where}: `{key}` needs three numbers; the file may be damaged or cut off") from None
     return [x, y, z]
@@ -148,7 +151,7 @@ def _three(where: str, key: str, values: list[str]) -> list[float]:
 
 def _two(where: str, key: str, values: list[str]) -> list[float]:
     try:
-        u, v = (float(word) for word in (values + ["0"] * (len(values) == 1))[:2])
+        u, v = (real(word) for word in (values + ["0"] * (len(values) == 1))[:2])
     except ValueError:
         raise InputError(f"{where}: `{key}` needs one or two numbers; the file may be damaged or cut off") from None
     return [u, v]
@@ -158,14 +161,14 @@ def _corner(where: str, word: str, vertices: int, normals: int, coordinates: int
     """`v`, `v/vt`, `v//vn` or `v/vt/vn` to the numbers of vertex, normal and texture point, from 0; -1 for none."""
     parts = word.split("/")
     try:
-        vertex = int(parts[0])
-        normal = int(parts[2]) if len(parts) > 2 and parts[2] else 0
-        texture = int(parts[1]) if len(parts) > 1 and parts[1] else 0
+        vertex = whole(parts[0])
+        normal = whole(parts[2]) if len(parts) > 2 and parts[2] else 0
+        texture = whole(parts[1]) if len(parts) > 1 and parts[1] else 0
     except ValueError:
         raise InputError(f"{where}: {word!r} is not a corner of a face; the file may be damaged or cut off") from None
-    absent = vertex == 0 or vertex < -vertices or normal < -normals or texture < -coordinates
+    absent = vertex == 0 or "0" in parts or vertex < -vertices or normal < -normals or texture < -coordinates
     if absent or max(vertex, normal, texture) > MOST:
-        raise InputError(f"{where}: a face names a vertex or normal that does not exist; numbers begin with 1")
+        raise InputError(f"{where}: a face names a vertex, normal or `vt` that does not exist; numbers begin with 1")
     return (
         vertex - 1 if vertex > 0 else vertices + vertex,
         normal - 1 if normal >= 0 else normals + normal,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from golden_model.errors import warn
+from golden_model.errors import InputError, warn
 
 
 class Remarks:
@@ -21,9 +21,16 @@ class Remarks:
         self._left_out[name] = None
 
     def clamped(self, colour: np.ndarray, most: float | None, what: str) -> list[float]:
-        """A colour brought to 0 or more and, if there is a `most`, to that or less; NaN stays, and is refused later."""
+        """A colour brought to 0 or more and, if there is a `most`, to that or less.
+
+        Raises InputError where that leaves what is no float32: NaN, infinite or too large.
+        """
         inside = np.clip(colour, 0, most)
-        if (inside != colour).any() and not np.isnan(colour).any():
+        with np.errstate(over="ignore"):
+            usable = np.isfinite(inside.astype(np.float32)).all()
+        if not usable:
+            raise InputError(f"{self.path}: {what} is NaN, infinite or too large; correct or remove it")
+        if (inside != colour).any():
             self._clamped[what] = None
         return inside.tolist()
 

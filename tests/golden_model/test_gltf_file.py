@@ -94,6 +94,15 @@ def test_emission_and_colours_out_of_range(tmp_path: Path) -> None:
     assert said == ["2 colours out of range (first: baseColorFactor of material 0) brought to the nearest that can be"]
 
 
+@pytest.mark.parametrize(("emission", "strength"), [(1e39, 1), (1e30, 1e30), (1e200, 1e200), (float("nan"), 1)])
+def test_emissions_that_are_no_numbers_of_float32(tmp_path: Path, emission: float, strength: float) -> None:
+    out = room()
+    out.gltf.materials[1].emissiveFactor = [1, emission, 0]
+    out.gltf.materials[1].extensions = {"KHR_materials_emissive_strength": {"emissiveStrength": strength}}
+    said = refusal(out.save(tmp_path / "room.glb"))
+    assert said == "emissiveFactor of material 1 is NaN, infinite or too large; correct or remove it"
+
+
 # --- geometry -----------------------------------------------------------------------------------------------------
 
 

@@ -179,7 +179,9 @@ def test_colours_out_of_range_are_clamped(
     part, said = load(tmp_path, PAINTED.format("m.mtl"), m=f"newmtl a\n{line}\nnewmtl l\nKd 1 1 1\n")
     assert part.albedo[0].tolist() == albedo
     assert part.emission[0].tolist() == emission
-    assert said == [f"m.mtl: 1 colour out of range (first: line 2: {line}) brought to the nearest that can be"]
+    assert said == [
+        f"m.mtl: 1 colour out of range (first: line 2: {line} of material a) brought to the nearest that can be"
+    ]
 
 
 def test_a_material_defined_twice(tmp_path: Path) -> None:
@@ -227,9 +229,16 @@ def test_what_would_be_seen_is_said_to_be_left_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ("f 1 2 99999999999999999999", "line 6: a face names a vertex or normal that does not exist"),
+        ("f 1 2 99999999999999999999", "line 6: a face names a vertex, normal or `vt` that does not exist"),
+        ("f 1/0 2 3", "line 6: a face names a vertex, normal or `vt` that does not exist"),
+        ("vn 0 1 0\nf 1//1 2//1 3//2", "line 7: a face names a normal that does not exist; the file has 1"),
+        ("f 1//1 2 3", "line 6: a face names a normal that does not exist; the file has 0"),
+        ("f 1/1 2/1 3/1", "line 6: a face names a `vt` that does not exist; the file has 0"),
+        ("f 1 2 1_0", "line 6: '1_0' is not a corner of a face"),
+        ("v 1_0 0 0", "line 6: `v` needs three numbers"),
+        ("vt 0 \u0661", "line 6: `vt` needs one or two numbers"),
         ("f 1 2 2000000000", "line 6: a face names a vertex that does not exist; the file has 4"),
-        ("f 1 2 3 -5", "line 6: a face names a vertex or normal that does not exist"),
+        ("f 1 2 3 -5", "line 6: a face names a vertex, normal or `vt` that does not exist"),
         ("f 1 2", "line 6: a face needs three or more corners"),
         ("f 1 2 \\\n", "line 7: a face needs three or more corners"),
         ("f 1/2/3/x 2 y", "line 6: 'y' is not a corner of a face"),
@@ -241,3 +250,20 @@ def test_refusals_name_the_line(tmp_path: Path, line: str, message: str) -> None
     path.write_text(TRIANGLE + line + "\n")
     with pytest.raises(InputError, match=rf"^{re.escape(str(path))}, {re.escape(message)}"):
         load_mesh(path)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("Ke 1e39 .6 .7", ": line 2: Ke 1e39 .6 .7 of material a is NaN, infinite or too large; correct or remove it"),
+        ("Ke 0 inf 0", ": line 2: Ke 0 inf 0 of material a is NaN, infinite or too large; correct or remove it"),
+        ("Kd nan", ": line 2: Kd nan of material a is NaN, infinite or too large; correct or remove it"),
+        ("Kd 1_0", ", line 2: `Kd` of material a needs one or three numbers; the file may be damaged or cut off"),
+        ("Kd spectral red.rfl", ", line 2: `Kd` of material a is given as `spectral`, which is not read; give it red"),
+        ("Ke xyz 1", ", line 2: `Ke` of material a is given as `xyz`, which is not read; give it red, green and blue"),
+    ],
+)
+def test_colours_that_are_refused(tmp_path: Path, line: str, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, PAINTED.format("m.mtl"), m=f"newmtl a\n{line}\n")
+    assert str(caught.value).startswith(f"{tmp_path / 'm.mtl'}{message}")
