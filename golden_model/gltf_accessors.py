@@ -4,7 +4,7 @@ Nothing that the file says about itself is believed: every number is held agains
 """
 
 import base64
-import binascii
+import re
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -13,6 +13,7 @@ import numpy as np
 
 from golden_model.errors import InputError
 from golden_model.gltf_document import damaged, not_understood
+from golden_model.named_files import lack
 
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 """Types of an accessor's numbers."""
@@ -22,6 +23,9 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 MOST_ELEMENTS = 1 << 26
 """Of an accessor, which need not have data for them: those that are not given are zero."""
+
+ADDRESS = re.compile(r"[a-z][a-z0-9+.-]*://", re.IGNORECASE)
+"""How a `uri` begins that is not the name of a file."""
 
 
 class Accessors:
@@ -147,11 +151,11 @@ class Accessors:
             data = self._document.binary_blob() if number == 0 else None
             if data is None and compressed:
                 raise not_understood(self.path, compressed[0])
-        elif isinstance(uri, str) and uri.startswith("data:"):
+        elif isinstance(uri, str) and uri[:5].lower() == "data:":
             try:
                 data = base64.b64decode(uri.partition(",")[2], validate=True)
-            except (binascii.Error, ValueError):
-                data = None
+            except ValueError as error:
+                raise self.error(f"buffer {number} is no base64") from error
         else:
             data = self._beside(uri, length)
         if data is None or len(data) < length:
@@ -160,8 +164,13 @@ class Accessors:
 
     def _beside(self, uri: Any, length: int) -> bytes:
         """The first bytes of a file beside this one."""
+        if ADDRESS.match(str(uri)):
+            raise InputError(f"{self.path}: its data are at an address, {uri}; put the file beside it, and name that")
         file = self.path.parent / unquote(str(uri))
-        if not file.is_file():
-            raise InputError(f"{self.path}: its file {file} is missing; put it there")
-        with file.open("rb") as stream:
-            return stream.read(min(length, file.stat().st_size))
+        if state := lack(file):
+            raise InputError(f"{self.path}: its file {file} is {state}; put it there")
+        try:
+            with file.open("rb") as stream:
+                return stream.read(min(length, file.stat().st_size))
+        except OSError as error:
+            raise InputError(f"{self.path}: its file {file} cannot be read ({error.strerror or error})") from error

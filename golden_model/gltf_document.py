@@ -3,6 +3,7 @@
 import json
 import struct
 import warnings
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +18,16 @@ def gltf_document(path: Path) -> Any:
     text, blob = _chunks(path, data) if path.suffix.lower() == ".glb" else (data, None)
     try:
         values = json.loads(text)
-        version = str(values["asset"].get("minVersion") or values["asset"]["version"])
+        version, least = str(values["asset"]["version"]), str(values["asset"].get("minVersion") or "2.0")
+        newer = [int(part) for part in least.split(".")] > [2, 0]
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise damaged(path, error) from error
     if not version.startswith("2."):
         raise InputError(f"{path}: is of glTF {version[:20]}; only 2.0 is read")
+    if newer:
+        raise InputError(f"{path}: needs glTF {least[:20]}; only 2.0 is read")
     try:
+        _check_whole(values, _whole_names(pygltflib))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of pygltflib, about fields that may be left out
             document = pygltflib.GLTF2.from_json(text.decode("utf-8-sig"), infer_missing=True)
@@ -30,6 +35,25 @@ def gltf_document(path: Path) -> Any:
         raise damaged(path, error) from error
     document.set_binary_blob(blob)
     return document
+
+
+def _check_whole(values: Any, names: frozenset[str], name: str = "") -> None:
+    """Raises ValueError for what is no whole number where the format has one; pygltflib would make one of it."""
+    if isinstance(values, dict):
+        for key, value in values.items():
+            if key not in ("extras", "extensions"):
+                _check_whole(value, names, key)
+    elif isinstance(values, list):
+        for value in values:
+            _check_whole(value, names, name)
+    elif name in names and (isinstance(values, str) or (isinstance(values, float) and not values.is_integer())):
+        raise ValueError(f"`{name}` is {values!r}, not a whole number")
+
+
+def _whole_names(library: Any) -> frozenset[str]:
+    """Names of the fields that are whole numbers or lists of such, of all tables of the format."""
+    tables = (item for item in vars(library).values() if isinstance(item, type) and is_dataclass(item))
+    return frozenset(field.name for table in tables for field in fields(table) if "int" in str(field.type))
 
 
 def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:

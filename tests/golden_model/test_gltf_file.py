@@ -281,6 +281,12 @@ def test_without_scenes_all_roots(tmp_path: Path) -> None:
     check_room(out.save(tmp_path / "room.glb"))
 
 
+def test_the_scheme_of_data_in_any_case(tmp_path: Path) -> None:
+    path = room().save(tmp_path / "room.gltf", "data")
+    path.write_text(path.read_text().replace('"data:', '"DATA:'))
+    check_room(path)
+
+
 @pytest.mark.parametrize("buffer", ["binary", "data", "beside"])
 @pytest.mark.parametrize("suffix", [".glb", ".gltf"])
 def test_where_buffers_are(tmp_path: Path, suffix: str, buffer: str) -> None:
@@ -394,7 +400,20 @@ PRIMITIVE = ("meshes", 0, "primitives", 0)
     ("change", "message"),
     [
         (setting("asset", "version", value="1.0"), "is of glTF 1.0; only 2.0 is read"),
-        (setting("asset", "minVersion", value="2.9"), None),
+        (setting("asset", "version", value="2.9"), None),
+        (setting("asset", "minVersion", value="2.0"), None),
+        (setting("asset", "minVersion", value="1.0"), None),
+        (setting("asset", "minVersion", value=None), None),
+        (setting("asset", "minVersion", value="new"), "damaged or cut off"),
+        (setting("asset", "minVersion", value="3.0"), "needs glTF 3.0; only 2.0 is read"),
+        (setting("asset", "minVersion", value="2.1"), "needs glTF 2.1; only 2.0 is read"),
+        (setting("asset", "minVersion", value=2.1), "needs glTF 2.1; only 2.0 is read"),
+        (setting("accessors", 0, "count", value=6.0), None),
+        (setting("accessors", 0, "count", value=6.5), "`count` is 6.5, not a whole number"),
+        (setting("accessors", 0, "count", value="6"), "`count` is '6', not a whole number"),
+        (setting("scenes", 0, "nodes", value=[0, 0.5]), "`nodes` is 0.5, not a whole number"),
+        (setting("nodes", 0, "mesh", value=0.5), "`mesh` is 0.5, not a whole number"),
+        (setting("extras", value={"count": 0.5}), None),
         (setting("asset", value=3), "damaged or cut off"),
         (setting("scene", value=7), "scene 7 does not exist; the file has 1"),
         (setting("scenes", 0, "nodes", value=[0, -1]), "node -1 does not exist; the file has 2"),
@@ -433,8 +452,14 @@ PRIMITIVE = ("meshes", 0, "primitives", 0)
         (setting("bufferViews", 1, "buffer", value=1), "buffer 1 does not exist; the file has 1"),
         (setting("buffers", 0, "byteLength", value=2**40), r"buffer 0 has 108 of \d+ bytes"),
         (setting("buffers", 0, "uri", value="gone.bin"), "its file .*gone.bin is missing; put it there"),
-        (setting("buffers", 0, "uri", value="data:;base64,***"), "buffer 0 has 0 of 108 bytes"),
-        (setting("buffers", 0, "uri", value="https://host/room.bin"), "is missing; put it there"),
+        (setting("buffers", 0, "uri", value="data:;base64,***"), "buffer 0 is no base64"),
+        (setting("buffers", 0, "uri", value="https://host/room.bin"), "are at an address, https://host/room.bin; put"),
+        (setting("buffers", 0, "uri", value="FILE:///room.bin"), "its data are at an address"),
+        (setting("buffers", 0, "uri", value="."), "its file .* is a folder; put it there"),
+        (setting("buffers", 0, "uri", value="b" * 300), "its file .*b is missing; put it there"),
+        (setting("buffers", 0, "uri", value="b%00"), "its file .* is missing; put it there"),
+        (setting("buffers", 0, "uri", value="data:;base64,AAA"), "buffer 0 is no base64"),
+        (setting("buffers", 0, "uri", value="data:;base64,AAAA"), "buffer 0 has 3 of 108 bytes"),
         (setting("materials", 0, "emissiveFactor", value=[1]), "emissiveFactor of material 0 is not 3 numbers"),
         (setting("materials", 0, "extensions", value=3), "damaged or cut off"),
     ],
