@@ -5,7 +5,12 @@ import math
 from collections.abc import Collection
 from typing import Any
 
+import numpy as np
+
 from golden_model.errors import InputError
+
+MOST = float(np.finfo(np.float32).max)
+"""Of a number's size: scenes are kept in float32."""
 
 
 class Table:
@@ -36,13 +41,19 @@ class Table:
         value = self.need(key) if default is None else self.values.get(key, list(default))
         if not (isinstance(value, list) and len(value) == count and all(_is_number(x) for x in value)):
             raise InputError(f"{self.where}: `{key}` must be {count} numbers, not {value!r}")
-        return [float(x) for x in value]
+        return [self._held(key, x) for x in value]
 
     def number(self, key: str, default: float | None = None) -> float:
         """A finite number."""
         value = self.need(key) if default is None else self.values.get(key, default)
         if not _is_number(value):
             raise InputError(f"{self.where}: `{key}` must be a number, not {value!r}")
+        return self._held(key, value)
+
+    def _held(self, key: str, value: float) -> float:
+        """A number that float32 can hold; whole numbers of TOML may have any number of digits."""
+        if abs(value) > MOST:
+            raise InputError(f"{self.where}: `{key}` must lie within +-{MOST:.1e}")
         return float(value)
 
     def whole(self, key: str, low: int, high: int | None = None, default: int | None = None) -> int:
@@ -104,4 +115,6 @@ class Table:
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return (isinstance(value, int) and not isinstance(value, bool)) or (
+        isinstance(value, float) and math.isfinite(value)
+    )

@@ -302,7 +302,7 @@ CAMERA = QUAD + "[camera]\nposition=[0,0,5]\ntarget=[0,0,0]\n"
         ("[[mesh]]\nbuiltin='floor'\nemission=[1,-1,1]\n", "`emission` must not be negative"),
         ("[[mesh]]\nbuiltin='floor'\nscale=0\n", "`scale` must not be 0"),
         ("[[mesh]]\nbuiltin='floor'\nscale=1e30\n", "coordinates must lie within"),
-        ("[[mesh]]\nbuiltin='floor'\nscale=1e300\n", "NaN or infinite"),
+        ("[[mesh]]\nbuiltin='floor'\nscale=1e300\n", r"`scale` must lie within \+-3\.4e\+38"),
         ("[[mesh]]\nbuiltin='floor'\nscale=1e-30\n", "coordinates must lie within"),
         ("[[mesh]]\nbuiltin='floor'\nrotate=[0,0,0,0]\n", "`rotate` must not be all zero"),
         (QUAD.replace("[0,1,0]]", "[0,1]]"), r"\[\[quad\]\] 1, corner 4: `point` must be 3 numbers"),
@@ -354,11 +354,11 @@ def test_unknown_scenes_and_files() -> None:
         (("v 1 1 0", "v 1 1"), "line 5: `v` needs three numbers"),
         (("v 1 1 0", "v 1 x 0"), "line 5: `v` needs three numbers"),
         (("f 4 3 2 1", "f 4 3 2 9"), "line 13: a face names a vertex that does not exist; the file has 8"),
-        (("f 4 3 2 1", "f 4 3 2 0"), "line 13: a face names a vertex or normal that does not exist"),
-        (("f 4 3 2 1", "f 4 3 2 -9"), "line 13: a face names a vertex or normal that does not exist"),
+        (("f 4 3 2 1", "f 4 3 2 0"), "line 13: a face names a vertex, normal or `vt` that does not exist"),
+        (("f 4 3 2 1", "f 4 3 2 -9"), "line 13: a face names a vertex, normal or `vt` that does not exist"),
         (("f 4 3 2 1", "f 4 3"), "line 13: a face needs three or more corners"),
         (("f 4 3 2 1", "f 4 3 /"), "line 13: '/' is not a corner of a face"),
-        (("f 4 3 2 1", "f 4 3 2 99999999999999999999"), "line 13: a face names a vertex or normal that does not"),
+        (("f 4 3 2 1", "f 4 3 2 99999999999999999999"), "line 13: a face names a vertex, normal or `vt` that does not"),
         (("f ", "g "), "no triangles"),
     ],
 )
@@ -372,10 +372,13 @@ def test_unusable_obj_files(tmp_path: Path, change: tuple[str, str], message: st
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (("Kd 0.1 0.2 0.3", "Kd 0.1 0.2 nan"), "lid: an albedo lies outside 0 to 1"),
-        (("Ke 17 12 4", "Ke 17 inf 4"), "lid: an emission is negative or not finite"),
-        (("Ke 17 12 4", "Ke 17 12"), "cube.mtl, line 5: `Ke` needs one or three numbers"),
-        (("Kd 0.1 0.2 0.3", "Kd spectral grey.rfl"), "cube.mtl, line 4: `Kd` needs one or three numbers"),
+        (("Kd 0.1 0.2 0.3", "Kd 0.1 0.2 nan"), "Kd 0.1 0.2 nan of material lamp is NaN, infinite or too large"),
+        (("Ke 17 12 4", "Ke 17 inf 4"), r"Ke 17 inf 4 of material \w+ is NaN, infinite or too large"),
+        (("Ke 17 12 4", "Ke 17 12"), "cube.mtl, line 5: `Ke` of material lamp needs one or three numbers"),
+        (
+            ("Kd 0.1 0.2 0.3", "Kd spectral grey.rfl"),
+            "cube.mtl, line 4: `Kd` of material lamp is given as `spectral`, which is not read",
+        ),
     ],
 )
 def test_unusable_materials(tmp_path: Path, change: tuple[str, str], message: str) -> None:

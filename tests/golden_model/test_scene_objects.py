@@ -184,6 +184,8 @@ KEY = "[[box.path]]\nframe = 0\n"
         (SPHERE + "coarse_subdivisions = 3\n", "`coarse_subdivisions` must be a whole number from 0 to 2, not 3"),
         (SPHERE + "texture = 'checker'\n", "sphere has no texture coordinates"),
         (f"[[mesh]]\nfile = '{'m' * 300}.obj'\n", r"\[\[mesh\]\] 1: no such file: .*m\.obj"),
+        (BOX + "emission = [1e39, 1, 1]\n", r"`emission` must lie within \+-3\.4e\+38"),
+        (BOX + f"emission = [1{'0' * 400}, 1, 1]\n", r"`emission` must lie within \+-3\.4e\+38"),
         (BOX + f"texture = '{'t' * 300}.png'\n", r"\[\[box\]\] 1: no such file: .*t\.png"),
         (BOX + "texture = 'nowhere.png'\n", r"\[\[box\]\] 1: no such file: .*nowhere\.png"),
         (BOX + "texture = 'scene.toml'\n", r"scene\.toml cannot be read as a picture, damaged or cut off"),
