@@ -68,15 +68,41 @@ def irradiance(
 def _starts(scene: Scene, trace: Trace, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """Where the rays of points (N, 3) on surfaces with unit normals (N, 3) start, (N, 3) float32.
 
-    Which triangle a point lies on is found by a ray to it from as far off as the largest triangle of the scene could
-    make it; a point in the air needs no more than its own coordinates do.
+    Which triangle a point lies on is found by a ray to it, and through it, from as far off as the largest triangle of
+    the scene could make it: of all that the ray meets the one nearest to the point, because something small may well be
+    above the point yet within that distance. A point in the air needs no more than its own coordinates do.
     """
     probe = np.zeros(len(position), dtype=RAY)
     far = lift(position, normal, scene.spans.max())
     probe["origin"] = add(position, scale(normal, far))
     probe["direction"], probe["t_max"] = -normal, flush(np.float32(2) * far)
-    met = trace(probe)["primitive"]
-    return ray_start(position, normal, np.where(met >= 0, scene.spans[met], np.float32(0)))
+    nearest = np.full(len(position), np.inf)
+    span = np.zeros(len(position), dtype=np.float32)
+    corners = scene.corners
+    on = np.arange(len(position))  # the points whose probes have not come to their ends
+    while len(on):
+        hits = trace(probe[on])
+        met = hits["primitive"] >= 0
+        on, hits = on[met], hits[met]
+        distance = _distance(corners[hits["primitive"]], position[on], normal[on])
+        nearer = distance < nearest[on]
+        nearest[on[nearer]] = distance[nearer]
+        span[on[nearer]] = scene.spans[hits["primitive"][nearer]]
+        probe["t_min"][on] = hits["t"]  # hits lie beyond it
+    return ray_start(position, normal, span)
+
+
+def _distance(corners: np.ndarray, position: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """From points (N, 3) along unit normals (N, 3) to the planes of triangles (N, 3, 3), either way: (N,) float64.
+
+    The tracer's own distance is off by as much as the size of the triangle makes it, which may be more than lies
+    between two of them. Infinite where the plane holds the normal.
+    """
+    first, second, third = np.moveaxis(corners.astype(np.float64), 1, 0)
+    across = np.cross(second - first, third - first)
+    height = np.abs(((position - first) * across).sum(axis=1))
+    slope = np.abs((normal * across).sum(axis=1))
+    return np.divide(height, slope, out=np.full(len(height), np.inf), where=slope > 0)
 
 
 def _in_order(values: np.ndarray) -> np.ndarray:
