@@ -58,6 +58,8 @@ LEAST_RAYS = 8
 """... but no fewer than these."""
 TIMELINE_FRAMES = 4
 """Frames of the drawing of the machine's time."""
+LEAST_COUNTED = 0.5
+"""Part of a frame's pixels that count, below which it is said."""
 REFERENCE_SEED = 0x5EED
 """Keeps the reference's random numbers apart from the renders': added to the seed, modulo 2**32."""
 
@@ -169,6 +171,19 @@ def error(image: np.ndarray, reference: np.ndarray) -> float | None:
     shown, wanted = image[finite].astype(np.float64), reference[finite].astype(np.float64)
     total = float(wanted.sum())
     return float(np.abs(shown - wanted).sum()) / total if total > 0 else None
+
+
+def few_counted(rows: Sequence[Mapping[str, Any]]) -> str | None:
+    """One sentence on the compared frames, among `rows`, less than half of whose pixels count; None: no such frame."""
+    few = {row["frame"]: 100 * row["counted"] for row in rows if row.get("counted", 1) < LEAST_COUNTED}
+    if not few:
+        return None
+    frames = ("frames " if len(few) > 1 else "frame ") + ", ".join(str(frame) for frame in few)
+    shares = " to ".join(dict.fromkeys(f"{share:.2g}" for share in (min(few.values()), max(few.values()))))
+    return (
+        f"{frames}: errors are those of {shares} % of the pixels; the others show an emitter, "
+        "whose light is in no lightmap, and do not count"
+    )
 
 
 def visible_texels(lightmaps: Lightmaps, gbuffer: np.ndarray) -> np.ndarray:
@@ -420,6 +435,7 @@ def _report(
         "options": asdict(options),
         "command": options.command,
         "key_frames": options.shown,
+        "few_counted": few_counted(rows[options.full]),
         "rays_an_update": options.sampling.reserve(scene.specular),
         "policies": policies,
         "parameters": parameters(POLICIES[options.full]),

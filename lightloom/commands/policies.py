@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from golden_model.errors import InputError
+from golden_model.errors import InputError, warn
 from lightloom.commands.options import Json, Scene, Seed, Traversal
 from lightloom.inputs import at_least, choose, image_size, seed_value, whole_numbers
 
@@ -136,6 +136,8 @@ def policies(
         with progress.stage("Charts"):
             lightmaps = unwrap(loaded, trace=Structure(loaded, backend).trace, cache=default_cache())
         report = write_comparison(loaded, lightmaps, options, folder, progress)
+    if report["few_counted"] is not None:
+        warn(report["few_counted"])
     if json:
         print_json(report)
         return

@@ -14,7 +14,7 @@ from golden_model.lightmap import EMPTY, VALID
 from golden_model.policy import POLICIES, Policy
 from golden_model.renderer import Renderer
 from golden_model.scene import load_scene
-from lightloom.policies import Comparison, counted_pixels, error, flip, summary, visible_texels
+from lightloom.policies import Comparison, counted_pixels, error, few_counted, flip, summary, visible_texels
 from lightloom.policy_parameters import changed_parameters, field_docs, parameters
 from lightloom.policy_pictures import (
     ERROR_RANGE,
@@ -323,8 +323,20 @@ def test_a_picture_of_nothing_but_a_lamp_has_no_figures(cli: Run, tmp_path: Path
     command = ["policies", path, "--frames", 2, "--size", "12x8", "--budget", 500, "--reference-rays", 8]
     outcome = cli(*command, "--policies", "visibility", "--out", tmp_path / "out", "--backend", "numpy", "--json")
     assert outcome.code == 0, outcome
-    row = json.loads(outcome.out)["policies"][0]["frames"][1]
+    report = json.loads(outcome.out)
+    row = report["policies"][0]["frames"][1]
     assert [row[name] for name in ("counted", "error", "relative_mse", "flip")] == [0, None, None, None]
+    assert report["few_counted"].startswith("frame 1: errors are those of 0 %")
+    assert outcome.err.splitlines()[-1] == f"warning: {report['few_counted']}"
+    assert report["few_counted"] in (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
+
+
+def test_frames_that_hardly_count_are_named() -> None:
+    rows: list[dict[str, Any]] = [{"frame": 0}, {"frame": 1, "counted": 0.5}, {"frame": 2}]
+    assert few_counted(rows) is None
+    assert (few_counted([*rows, {"frame": 3, "counted": 0.104}]) or "").startswith("frame 3: errors are those of 10 %")
+    rows += [{"frame": 3, "counted": 0.0}, {"frame": 5, "counted": 0.25}]
+    assert (few_counted(rows) or "").startswith("frames 3, 5: errors are those of 0 to 25 %")
 
 
 def test_bad_input(cli: Run, tmp_path: Path, room: Path) -> None:
