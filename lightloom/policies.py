@@ -4,9 +4,9 @@ The measure is the mean relative error of a frame, E = sum |I - R| / sum R over 
 of the linear pictures I and R. R is the picture of that very frame read from converged maps (`golden_model.reference`),
 so what E counts is what is wrong with the maps, and nothing else.
 
-A pixel counts unless light of an emitter reaches it by no lightmap: seen directly, in a mirror or through glass. That
-light is the same in I and R by construction, and a lamp in view is many times as bright as what it lights: in sum R it
-would hide what is wrong everywhere else.
+Light of emitters that reaches a pixel by no lightmap, seen directly, in a mirror or through glass, is the same in I and
+R by construction. It is taken out of both, and where it is most of what R shows, the pixel does not count: a lamp in
+view is many times as bright as what it lights, and would hide what is wrong everywhere else.
 """
 
 from collections import Counter
@@ -155,14 +155,21 @@ class Comparison:
         return self.policies[-1]
 
 
-def counted_pixels(renderer: Renderer, result: FrameResult) -> np.ndarray:
-    """The pixels of the last frame, which `result` is, that measures count: (H, W) bool.
+def straight_light(renderer: Renderer, result: FrameResult) -> np.ndarray:
+    """What the last frame, which `result` is, shows where all lightmaps are black: (H, W, 3) float32.
 
-    Those that are black where all lightmaps are. The others show an emitter, straight or by mirrors and glass, and what
-    of them comes from lightmaps besides goes uncounted with it.
+    Light of emitters alone, straight or by mirrors and glass.
     """
-    straight = renderer.picture(result, np.zeros_like(result.lightmap))
-    return np.asarray((straight == 0).all(axis=-1))
+    return renderer.picture(result, np.zeros_like(result.lightmap))
+
+
+def counted_pixels(straight: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """The pixels of a frame that measures count: (H, W) bool, from its straight light and its reference (H, W, 3).
+
+    Those of which no more than half of the reference is straight light.
+    """
+    own, whole = (picture.sum(axis=-1, dtype=np.float64) for picture in (straight, reference))
+    return np.asarray(np.isfinite(own) & (2 * own <= whole))
 
 
 def error(image: np.ndarray, reference: np.ndarray) -> float | None:
@@ -182,7 +189,7 @@ def few_counted(rows: Sequence[Mapping[str, Any]]) -> str | None:
     shares = " to ".join(dict.fromkeys(f"{share:.2g}" for share in (min(few.values()), max(few.values()))))
     return (
         f"{frames}: errors are those of {shares} % of the pixels; the others show an emitter, "
-        "whose light is in no lightmap, and do not count"
+        "whose light is in no lightmap and is most of theirs, and do not count"
     )
 
 
@@ -295,13 +302,15 @@ class _Judge:
         wanted = renderer.picture(result, self.reference.published(result.frame, self._looked_at(result)))
         if self.exposure is None:
             self.exposure = exposure_for(wanted)
-        counted = counted_pixels(renderer, result)
+        straight = straight_light(renderer, result)
+        counted = counted_pixels(straight, wanted)
+        mapped = wanted[counted] - straight[counted]
         if self.noise is None:
-            self.noise = self._noise(renderer, result, wanted, counted)
+            self.noise = self._noise(renderer, result, straight, mapped, counted)
         figures: dict[str, dict[str, Any]] = {
             name: {
-                "error": error(shown.image[counted], wanted[counted]),
-                "relative_mse": relative_mse(shown.image[counted], wanted[counted]),
+                "error": error(shown.image[counted] - straight[counted], mapped),
+                "relative_mse": relative_mse(shown.image[counted] - straight[counted], mapped),
                 "counted": float(counted.mean()),
             }
             for name, shown in results.items()
@@ -317,7 +326,14 @@ class _Judge:
                 write_quantity(place, quantity, self.lightmaps, results[full], renderers[full].state)
         return figures
 
-    def _noise(self, renderer: Renderer, result: FrameResult, wanted: np.ndarray, counted: np.ndarray) -> float | None:
+    def _noise(
+        self,
+        renderer: Renderer,
+        result: FrameResult,
+        straight: np.ndarray,
+        mapped: np.ndarray,
+        counted: np.ndarray,
+    ) -> float | None:
         """The reference's own E, from one of fewer rays and other random numbers, which differs by the noise of both.
 
         Taken to fall with the root of the number of rays; it falls faster, so this is rather too much.
@@ -325,7 +341,7 @@ class _Judge:
         rays = self.options.reference_rays
         fewer = max(rays // NOISE_RAYS, LEAST_RAYS)
         other = self._reference(fewer, 1).published(result.frame, self._looked_at(result))
-        between = error(renderer.picture(result, other)[counted], wanted[counted])
+        between = error(renderer.picture(result, other)[counted] - straight[counted], mapped)
         return None if between is None else between / float(np.sqrt(1 + rays / fewer))
 
     def _looked_at(self, result: FrameResult) -> np.ndarray | None:

@@ -14,7 +14,16 @@ from golden_model.lightmap import EMPTY, VALID
 from golden_model.policy import POLICIES, Policy
 from golden_model.renderer import Renderer
 from golden_model.scene import load_scene
-from lightloom.policies import Comparison, counted_pixels, error, few_counted, flip, summary, visible_texels
+from lightloom.policies import (
+    Comparison,
+    counted_pixels,
+    error,
+    few_counted,
+    flip,
+    straight_light,
+    summary,
+    visible_texels,
+)
 from lightloom.policy_parameters import changed_parameters, field_docs, parameters
 from lightloom.policy_pictures import (
     ERROR_RANGE,
@@ -189,7 +198,7 @@ def test_pixels_that_show_an_emitter_count_in_no_measure(tmp_path: Path, surface
     scene = load_scene(path)
     renderer = Renderer(scene, width=48, height=40, budget=2000, backend="numpy")
     result = renderer.frame()
-    counted = counted_pixels(renderer, result)
+    counted = counted_pixels(straight_light(renderer, result), result.image)
     seen = result.gbuffer["primitive"]
     names = np.array([*scene.object_names, "nothing"])[np.where(seen >= 0, scene.object_id[seen], -1)]
     lamp = names == "lamp"
@@ -337,6 +346,23 @@ def test_frames_that_hardly_count_are_named() -> None:
     assert (few_counted([*rows, {"frame": 3, "counted": 0.104}]) or "").startswith("frame 3: errors are those of 10 %")
     rows += [{"frame": 3, "counted": 0.0}, {"frame": 5, "counted": 0.25}]
     assert (few_counted(rows) or "").startswith("frames 3, 5: errors are those of 0 to 25 %")
+
+
+def test_walls_that_glow_faintly_count(cli: Run, tmp_path: Path, room: Path) -> None:
+    found = []
+    for glow in (0, 1e-4, 0.05):
+        path = tmp_path / "wall.toml"
+        path.write_text(room.read_text().replace('name = "wall"', f'name = "wall"\nemission = [{glow}, 0, 0]'))
+        command = ["policies", path, *TINY, "--frames", 2, "--policies", "visibility"]
+        outcome = cli(*command, "--out", tmp_path / "out", "--json")
+        assert outcome.code == 0, outcome
+        report = json.loads(outcome.out)
+        assert report["few_counted"] is None
+        found.append(report["policies"][0]["frames"][1])
+    dark, *glowing = found
+    for row in glowing:
+        assert row["counted"] == pytest.approx(dark["counted"], abs=0.1)
+        assert row["error"] == pytest.approx(dark["error"], rel=0.2), "as the walls' own light does not count"
 
 
 def test_bad_input(cli: Run, tmp_path: Path, room: Path) -> None:
