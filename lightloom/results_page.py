@@ -108,9 +108,9 @@ after half a period: {access}
 
 RAYS_TEXT = """\
 Diffuse rays in random order, nearest hit, on one unit of preset `base`: a node test of up to eight boxes and a triangle
-test a cycle. **latency** is that of the memory in cycles. Beside the unit's tests stand the golden model's, which visits
-strictly nearest first; **ratio** is cycles over those that the busier of the two tests needs for the golden ones. Every
-ray is compared with the golden model in all bits. More, and what is counted, in
+test a cycle. **latency** is that of the memory in cycles. Beside the unit's tests stand the golden model's, which
+visits strictly nearest first; **ratio** is cycles over those that the busier of the two tests needs for these. All rays
+are compared with the golden model in all bits. More, and what is counted, in
 [traversal_figures.md](traversal_figures.md).
 """
 
