@@ -135,6 +135,7 @@ def made_up(folder: Path) -> dict[str, Any]:
             | {"labels": ["hidden", "seen"], "colours": ["#000000", "#ffffff"], "open": False},
         ],
         "exposure": 1.0,
+        "few_counted": None,
         "reference": {"rays": 512, "every": 2, "frames": [0, 2, 4, 6, 8], "noise": 0.0071},
         "versions": {"python": "3"},
         "machine": {"processor": "p", "cores": 2, "system": "s", "architecture": "a"},
@@ -162,6 +163,13 @@ def test_page_says_what_the_figures_say(tmp_path: Path) -> None:
         assert text in words
     assert words.count("exceeded") == 1 + 1  # the policy that did, and the sentence that says that none does
     assert words.count("kept") == 2
+
+
+def test_page_says_where_few_pixels_count(tmp_path: Path) -> None:
+    report = made_up(tmp_path)
+    assert "Note:" not in Page(policies_page(report, tmp_path)).text
+    said = "frame 4: errors are those of 3 % of the pixels"
+    assert f"Note: {said}." in Page(policies_page(report | {"few_counted": said}, tmp_path)).text
 
 
 def test_page_needs_nothing_else(tmp_path: Path) -> None:
