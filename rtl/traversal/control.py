@@ -306,10 +306,7 @@ class Control(wiring.Component):
 
         # --- whether visits may be chosen that may turn out to be needless ------------------------------------------
         recent = Signal(range(WINDOW + 1))
-        with m.If(self.starved):
-            m.d.sync += recent.eq(WINDOW)
-        with m.Elif(recent != 0):
-            m.d.sync += recent.eq(recent - 1)
+        m.d.sync += recent.eq(Mux(self.starved, WINDOW, recent - (recent != 0)))
         m.d.sync += calm.eq(~self.backlog & ((node_pops.level < FEW) | (recent != 0)))
 
         # --- requests: first those of nodes, which must never wait --------------------------------------------------
