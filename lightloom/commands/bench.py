@@ -12,6 +12,7 @@ from lightloom.inputs import at_least, choose, whole_numbers
 from rtl.config import PARAMETERS, ConfigError, described
 
 _DEFAULT = Sizes()
+_PRESET = "base"
 TRAVERSAL = "traversal"
 NUMBERS: dict[str, Sequence[int]] = {
     **{name: PARAMETERS[name].values for name in ("width", "contexts", "units")},
@@ -58,7 +59,7 @@ def bench(
     ] = None,
     preset: Annotated[
         str, typer.Option("--preset", metavar="NAME", help="traversal: the other hardware parameters.")
-    ] = "base",
+    ] = _PRESET,
     settings: Annotated[
         list[str] | None,
         typer.Option("--set", metavar="NAME=VALUE", help="traversal: a hardware parameter; see above (repeatable)."),
@@ -68,6 +69,7 @@ def bench(
     ] = False,
     json: Json = False,
 ) -> None:
+    from golden_model.errors import InputError
     from lightloom.console import Progress, print_json, print_table
     from lightloom.machine import machine, versions
 
@@ -75,6 +77,12 @@ def bench(
     if rays is not None:
         at_least(rays, 1, "--rays")
     sizes = Sizes(vectors=at_least(vectors, 1, "--vectors"), rays=rays or _DEFAULT.rays)
+    numbers = {"width": width, "contexts": contexts, "latency": latency, "units": units}
+    sweep = _sweep(scene, rays, preset, settings or [], full, **numbers)
+    if TRAVERSAL not in chosen:
+        others = {"scene": scene, "preset": preset != _PRESET, "set": settings, "full": full}
+        for option in [name for name, given in (numbers | others).items() if given]:
+            raise InputError(f"--{option}: is for the benchmark `{TRAVERSAL}`; name it, or leave the option out")
     rows: list[dict[str, Any]] = []
     report: dict[str, Any] = {"results": rows}
     with Progress() as progress:
@@ -85,9 +93,6 @@ def bench(
         if TRAVERSAL in chosen:
             from lightloom.bench_traversal import measure
 
-            sweep = _sweep(
-                scene, rays, preset, settings or [], full, width=width, contexts=contexts, latency=latency, units=units
-            )
             with progress.stage(TRAVERSAL, sweep.runs) as advance:
                 report[TRAVERSAL] = measure(sweep, advance)
     here = machine()
@@ -134,6 +139,10 @@ def _setting(text: str) -> tuple[str, int]:
     from golden_model.errors import InputError
 
     name, equals, value = text.partition("=")
+    if name in NUMBERS:
+        raise InputError(f"--set {text}: {name} has an option of its own; give it as --{name} {value}".rstrip())
+    if name in PARAMETERS and name not in SETTABLE:
+        raise InputError(f"--set {text}: {name} is not to be set; it follows from the others")
     choose(name, SETTABLE, "parameter")
     if not equals:
         raise InputError(f"--set {text}: give a name and a value, such as node_sets=128")

@@ -11,7 +11,7 @@ from golden_model.scene import load_scene
 from golden_model.wide_bvh import build_wide
 from golden_model.wide_traversal import queries_of
 from lightloom.bench_traversal import CONDITIONS, SEED, Sweep, command_of, default_sweep, measure
-from lightloom.commands.bench import SETTABLE
+from lightloom.commands.bench import NUMBERS, SETTABLE
 from lightloom.traversal_page import page, tables
 from rtl.config import PARAMETERS, PRESETS, Config
 from sim.traversal import TraversalUnit
@@ -120,7 +120,7 @@ def test_the_full_sweep_has_all_that_the_quick_one_has() -> None:
         (["--set", "node_sets=7"], ["--set node_sets=7", "a power of two, 2 to 1024"]),
         (["--set", "stack=0"], ["--set stack=0: stack 0: must be 4 to 64"]),
         (["--set", "multiplier_blocks=2"], ["multiplier_blocks 2: must be False or True"]),
-        (["--set", "tag_width=8"], ["parameter 'tag_width'"]),
+        (["--set", "tag_width=8"], ["--set tag_width=8: tag_width is not to be set"]),
         (["--set", "node_set=8"], ["parameter 'node_set'", "node_sets"]),
         (["--rays", "0"], ["--rays 0", "at least 1"]),
         (["--scene", "no-such-scene.obj"], ["no-such-scene.obj"]),
@@ -128,6 +128,21 @@ def test_the_full_sweep_has_all_that_the_quick_one_has() -> None:
 )
 def test_bad_options(cli: Run, options: list[str], words: list[str]) -> None:
     cli("bench", "traversal", *options).refused(*words)
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_what_has_an_option_of_its_own_is_no_setting(cli: Run, name: str) -> None:
+    cli("bench", "traversal", "--set", f"{name}=8").refused(f"--set {name}=8", f"give it as --{name} 8")
+    cli("bench", "traversal", "--set", name).refused(f"--set {name}:", f"give it as --{name}")
+
+
+@pytest.mark.parametrize(
+    "option",
+    ["--width 4", "--contexts 8", "--latency 3", "--units 2", "--scene a", "--preset tiny", "--set stack=8", "--full"],
+)
+def test_options_of_another_benchmark(cli: Run, option: str) -> None:
+    """They would say nothing."""
+    cli("bench", "tracing", *option.split()).refused(option.split()[0], "traversal")
 
 
 def test_hardware_that_cannot_be(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
