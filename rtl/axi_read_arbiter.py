@@ -19,7 +19,8 @@ class AxiReadArbiter(Component):
 
     `abort`, a strobe: from the next cycle on no address is offered but one that is already, which AXI does not let go.
     `aborting` is high from then until all bursts have come to their end; their beats are taken and dropped. The masters
-    are to be held in reset by it.
+    are to be held in reset by it. The end is there when as many beats have come as were asked for; or, while `timed` is
+    high, when from one `tick` to the next there was no address and no beat, however many have come.
     """
 
     def __init__(self, count: int, *, reads: int, address_width: int, data_width: int, id_width: int):
@@ -34,6 +35,8 @@ class AxiReadArbiter(Component):
                 "masters": In(AxiRead(**widths, id_width=id_width)).array(count),
                 "m_axi": Out(AxiRead(**widths, id_width=id_width + self.number_width)),
                 "abort": In(1),
+                "tick": In(1),
+                "timed": In(1),
                 "aborting": Out(1),
             }
         )
@@ -88,16 +91,28 @@ class AxiReadArbiter(Component):
         m.d.comb += beats.o.ready.eq(any_of(ready))
 
         # --- the end of it all ----------------------------------------------------------------------------------------
-        # Beats are counted, not bursts, so that the end does not depend on where the memory puts RLAST.
+        # Without a clock there is nothing but the count of beats, which is right if each burst has its beats, wherever
+        # the memory puts RLAST. With one only silence counts: whether a burst that has ended early will go on, or one
+        # is longer than it was asked for, no count of beats, nor one for each id, can tell.
         beats_of_block = port.signature.block_beats
         left = Signal(range(self.reads * beats_of_block + 1))  # beats of the addresses that were taken
         asked = Signal()
         came = Signal()
-        m.d.comb += empties.eq((self.abort | self.aborting) & (~port.arvalid | port.arready))
+        silent = Signal()
+        silence = Signal()  # since the last tick
+        over = Signal()
+        m.d.comb += [
+            empties.eq((self.abort | self.aborting) & (~port.arvalid | port.arready)),
+            silent.eq(~(self.abort | port.arvalid | port.rvalid)),
+            over.eq(Mux(self.timed, self.tick & silence & silent, ~(port.arvalid | asked | (left != 0)))),
+        ]
         m.d.sync += [
             asked.eq(port.arvalid & port.arready),
             came.eq(port.rvalid & port.rready),
             left.eq(left + Mux(asked, beats_of_block, 0) - (came & (left != 0))),
-            self.aborting.eq(self.abort | (self.aborting & (port.arvalid | asked | (left != 0)))),
+            silence.eq(silent & (silence | self.tick)),
+            self.aborting.eq(self.abort | (self.aborting & ~over)),
         ]
+        with m.If(self.aborting & over):
+            m.d.sync += left.eq(0)
         return m

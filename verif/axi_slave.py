@@ -43,7 +43,7 @@ class Wrong:
     """How a block is answered that is not answered as it was asked for."""
 
     beats: int
-    """So many come."""
+    """So many come, or none."""
     last: frozenset[int] = frozenset()
     """Which of them have RLAST, from 0 up."""
     after: int = 0
@@ -237,6 +237,8 @@ class AxiSlave:
         assert (length + 1) * self.lanes == BLOCK_BYTES, f"{where}: not a block"
         assert address in self.errors or self._content(address) is not None, f"{where}: nothing is there"
         assert identity not in self._left, f"{where}: a burst of this id is under way"
-        self._left[identity] = self._answer(address, length + 1).beats
+        beats = self._answer(address, length + 1).beats
+        if beats:
+            self._left[identity] = beats
         self.bursts += 1
         self.most_under_way = max(self.most_under_way, self.under_way)

@@ -185,6 +185,8 @@ async def abort_in_flight(dut: Any, memory: str) -> None:
         end = bench.rng.randint(20, 300)
         seen = await bench.exchange(bench.packed(rays), give="always", until=lambda cycle, end=end: cycle == end)
         assert len(seen.sent_at) > len(seen.received), "nothing is under way"
+        if round_ % 2:
+            await ClockCycles(dut.clk, 30)  # results wait
         await bench.abort(strobes=1 + round_ % 2 * 5, load=round_ % 3 == 1)
         some = rays_of("soup", 5, bench.seed)
         await bench.check(bench.traced(tree.blocks, some, bad_blocks=[0]), "no tree after an abort")
@@ -208,10 +210,13 @@ async def abort_while_a_tree_is_loaded(dut: Any) -> None:
 
 
 @cocotb.test()
-async def abort_while_an_address_waits(dut: Any) -> None:
-    """The memory takes no address: the one that is offered stays until it does, and no other follows."""
+@cocotb.parametrize(timeout=[0, 60])
+async def abort_while_an_address_waits(dut: Any, timeout: int) -> None:
+    """The memory takes no address: the one that is offered stays until it does, and no other follows. A timeout does
+    not change that."""
     bench = Bench(dut)
     await bench.start(memory="near")
+    dut.read_timeout.value = timeout
     tree = bench.tree("soup")
     await bench.load(tree.blocks)
     offered = bench.packed(bench.traced(tree.blocks, rays_of("soup", bench.contexts, bench.seed, RENDERED)))
@@ -233,3 +238,31 @@ async def abort_while_an_address_waits(dut: Any) -> None:
     await task
     assert bench.memory.bursts - bursts >= 1
     await bench.check_sound(tree, "after an abort with an address that waits")
+
+
+@cocotb.test()
+@cocotb.parametrize(ends=["early", "late"])
+async def abort_while_bursts_are_wrong(dut: Any, ends: str) -> None:
+    """Every block comes with too few beats, or none, or with too many. No count of beats says when that is over, but
+    with a timeout all that comes comes before the end of the abort, and behind it all is well."""
+    bench = Bench(dut)
+    await bench.start(memory="far")
+    tree = bench.tree("soup")
+    beats = BLOCK_BYTES // bench.memory.lanes
+    for round_ in range(3):
+        dut.read_timeout.value = 0 if round_ == 1 else TIMEOUT
+        await bench.load(tree.blocks)
+        for number in range(1, len(tree.blocks)):
+            come = bench.rng.randrange(beats) if ends == "early" else beats + bench.rng.randint(1, 3)
+            bench.memory.wrong[BASES[0] + BLOCK_BYTES * number] = Wrong(beats=come, last=frozenset({come - 1}))
+        offered = bench.packed(bench.traced(tree.blocks, rays_of("soup", bench.contexts, bench.seed, RENDERED)))
+        end = bench.rng.randint(130, 400)
+        await bench.exchange(offered, give="always", until=lambda cycle, end=end: cycle == end)
+        abort = cocotb.start_soon(bench.abort())
+        if round_ == 1 and ends == "early":
+            await ClockCycles(dut.clk, 500)
+            assert int(dut.aborting.value), "what is missing is not waited for"
+        dut.read_timeout.value = TIMEOUT
+        assert await abort > TIMEOUT
+        bench.memory.wrong = {}
+        await bench.check_sound(tree, f"round {round_}, after an abort in cycle {end}")

@@ -9,6 +9,7 @@ from gen.formal.bench import Bench
 from gen.formal.properties import Induction, Property
 from gen.formal.streams import Tracker, held
 from rtl.axi_read_arbiter import AxiReadArbiter
+from rtl.read_timer import TIMEOUT_BITS, ReadTimer
 
 ADDRESS, DATA = ("araddr", "arid", "arlen", "arsize", "arburst"), ("rdata", "rid", "rresp", "rlast")
 SHAPE = {"reads": 16, "address_width": 8, "data_width": 32, "id_width": 2}
@@ -16,7 +17,8 @@ SHAPE = {"reads": 16, "address_width": 8, "data_width": 32, "id_width": 2}
 
 def _arbiter(count: int) -> tuple[AxiReadArbiter, Bench]:
     component = AxiReadArbiter(count, **SHAPE)
-    return component, Bench(component, driven={"abort"})  # which is never asked for, but in `aborts`
+    # There is no abort but in benches that ask for one; of its end the others know nothing.
+    return component, Bench(component, driven={"abort", "tick", "timed"})
 
 
 def _fields(port: object, names: tuple[str, ...]) -> Value:
@@ -111,20 +113,90 @@ def data(count: int) -> Bench:
 
 
 def aborts(count: int) -> Bench:
-    """A memory that gives the beats which it was asked for, when it likes; and masters that forget all when told to."""
+    """A memory that gives the beats which it was asked for, when it likes, but some from one tick to the next while
+    there is a clock; and masters that forget all when told to."""
     component, bench = _arbiter(count)
     m, port, masters = bench.m, component.m_axi, component.masters
     beats = port.signature.block_beats
-    m.d.comb += component.abort.eq(bench.any("abort"))
+    tick, timed = bench.any("tick"), bench.any("timed")
+    m.d.comb += [component.abort.eq(bench.any("abort")), component.tick.eq(tick), component.timed.eq(timed)]
     asked, came = port.arvalid & port.arready, port.rvalid & port.rready
     left = Signal(range(component.reads * beats + 1))
     m.d.sync += left.eq(left + Mux(asked, beats, 0) - came)
     bench.assume(~port.rvalid | (left != 0))
     bench.assume(~asked | (left <= (component.reads - 1) * beats))
+    silent = ~(port.arvalid | port.rvalid)
+    silence = Signal()
+    m.d.sync += silence.eq(silent & (silence | tick))
+    bench.assume(~(timed & tick & silence & silent) | (left == 0))
 
     late_asked, late_came = bench.inner("asked"), bench.inner("came")
     bench.require("count_is_exact", left + late_came == bench.inner("left") + Mux(late_asked, beats, 0))
     bench.require("counted_before_it_came", ~late_came | (bench.inner("left") != 0))
+    before = _abort_rules(bench, component)
+    ends = before & ~component.aborting
+    quiet = ~Cat(master.rvalid for master in masters).any()
+    bench.require("gives_nothing", ~before | quiet)
+    bench.require("ends_when_all_is_over", ~ends | ((left == 0) & ~port.arvalid & quiet))
+    bench.require("silence", ~bench.inner("silence") | silence)
+    over = Signal(2)  # cycles since all was over, without a clock
+    done = component.aborting & ~component.abort & ~timed & (left == 0) & ~port.arvalid
+    m.d.sync += over.eq(Mux(done, over + (over != 3), 0))
+    bench.require("ends_then", over <= 2)
+    settled = Mux(over == 2, (bench.inner("left") == 0) & ~late_asked, ~(late_asked & (over != 0)))
+    bench.require("counted_then", ~done | settled)
+    bench.require("first_before_second", bench.inner("addresses/o__valid") | ~bench.inner("addresses/held"))
+    bench.reach("beats_come", before & came & (left > 1))
+    bench.reach("address_waits", before & component.aborting & bench.past(port.arvalid & ~port.arready, "waited"))
+    bench.reach("again", component.aborting & component.abort & (left != 0))
+    bench.reach("goes_on", port.arvalid & ~component.aborting & bench.past(ends, "ended"))
+    bench.reach("ends_by_the_clock", ends & bench.past(timed & component.aborting & (left == 0), "timed"))
+    return bench
+
+
+def timed_aborts(count: int) -> Bench:
+    """A memory that gives any beats for any address that it has taken, or none; but as long as it will give any, there
+    is one at least every `timeout` cycles."""
+    component, bench = _arbiter(count)
+    m, port = bench.m, component.m_axi
+    timer = ReadTimer()
+    elapsed = bench.inner("elapsed", bench.add("timer", timer))
+    timeout = bench.constant("timeout", TIMEOUT_BITS)
+    bench.assume(timeout != 0)
+    m.d.comb += [component.abort.eq(bench.any("abort")), timer.timeout.eq(timeout)]
+    m.d.comb += [component.tick.eq(timer.tick), component.timed.eq(timer.runs)]
+    asked = port.arvalid & port.arready
+    silent = ~(port.arvalid | port.rvalid)
+    owes = Signal()
+    gap = Signal(TIMEOUT_BITS + 1)  # silent cycles before this one
+    m.d.sync += [
+        owes.eq(asked | (owes & ~bench.any("has_given_all"))),
+        gap.eq(Mux(silent, gap + (gap != (1 << TIMEOUT_BITS + 1) - 1), 0)),
+    ]
+    bench.assume(~port.rvalid | owes)
+    bench.assume(~owes | ~silent | (gap < timeout))
+
+    before = _abort_rules(bench, component)
+    ends = before & ~component.aborting
+    bench.require("ends_when_nothing_will_come", ~ends | ~(owes | port.arvalid))
+    bench.require("counts_from_nothing", ~ends | (bench.inner("left") == 0))
+    ticks = Signal(2)  # since the last that came, with the one in this cycle
+    m.d.sync += ticks.eq(Mux(silent & ~component.abort, ticks + (timer.tick & (ticks != 3)), 0))
+    bench.require("ends_at_the_second_tick", ~component.aborting | (ticks < 2))
+    bench.require("elapsed", (elapsed <= timeout) & (~timer.tick | (elapsed == 0)))
+    silence = bench.inner("silence")
+    bench.require("silence_is_time", ~silence | (gap >= Mux(timer.tick, timeout + 1, elapsed)))
+    bench.require("silence_is_a_tick", silence == (ticks != 0))
+    left = bench.inner("left")
+    bench.reach("too_few_beats", ends & bench.past(left != 0, "short"))
+    bench.reach("too_many_beats", component.aborting & owes & (left == 0) & bench.past(port.rvalid, "longer"))
+    bench.reach("goes_on", port.arvalid & bench.past(ends, "ended"))
+    return bench
+
+
+def _abort_rules(bench: Bench, component: AxiReadArbiter) -> Signal:
+    """What an abort is, whatever ends it; `aborting` in the cycle before."""
+    port = component.m_axi
     held(bench, "ar", port.arvalid, port.arready, _fields(port, ADDRESS))
     closed = component.abort | component.aborting
     waits = bench.past(port.arvalid & ~port.arready, "waits")
@@ -132,22 +204,7 @@ def aborts(count: int) -> Bench:
     bench.require("aborts_at_once", ~bench.past(component.abort, "abort") | component.aborting)
     before = bench.past(component.aborting, "aborting")
     bench.require("takes_all", ~(before & component.aborting) | port.rready)
-    ends = before & ~component.aborting
-    quiet = ~Cat(master.rvalid for master in masters).any()
-    bench.require("gives_nothing", ~before | quiet)
-    bench.require("ends_when_all_is_over", ~ends | ((left == 0) & ~port.arvalid & quiet))
-    over = Signal(2)  # cycles since all was over
-    done = component.aborting & ~component.abort & (left == 0) & ~port.arvalid
-    m.d.sync += over.eq(Mux(done, over + (over != 3), 0))
-    bench.require("ends_then", over <= 2)
-    settled = Mux(over == 2, (bench.inner("left") == 0) & ~late_asked, ~(late_asked & (over != 0)))
-    bench.require("counted_then", ~done | settled)
-    bench.require("first_before_second", bench.inner("addresses/o__valid") | ~bench.inner("addresses/held"))
-    bench.reach("beats_come", before & came & (left > 1))
-    bench.reach("address_waits", before & component.aborting & waits)
-    bench.reach("again", component.aborting & component.abort & (left != 0))
-    bench.reach("goes_on", port.arvalid & ~component.aborting & bench.past(ends, "ended"))
-    return bench
+    return before
 
 
 def _number(k: int, count: int) -> Value:
@@ -172,6 +229,15 @@ def properties() -> list[Property]:
             method=Induction(depth=3),
             build=partial(aborts, 2),
             reach=20,
+            quick=True,
+        ),
+        Property(
+            unit="axi_read_arbiter",
+            name="timed-abort",
+            says="with a timeout an abort ends at the second tick of silence, when a memory in time will send no more",
+            method=Induction(depth=2),
+            build=partial(timed_aborts, 2),
+            reach=24,
             quick=True,
         ),
     ] + [

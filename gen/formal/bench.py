@@ -108,10 +108,11 @@ class Bench:
 
     # --- inside of the component --------------------------------------------------------------------------------------
 
-    def inner(self, path: str) -> Signal:
-        """A signal inside the component, such as "fifo/level": names of submodules, then the signal's."""
+    def inner(self, path: str, beside: Fragment | None = None) -> Signal:
+        """A signal inside the component, or inside one that was put `beside` it, such as "fifo/level": names of
+        submodules, then the signal's."""
         *modules, name = path.split("/")
-        fragment = self._inside(modules)
+        fragment = self._inside(modules, beside)
         found = {
             id(signal): signal
             for statements in fragment.statements.values()
@@ -144,9 +145,9 @@ class Bench:
         assert isinstance(memory, MemoryInstance), f"{path} is no memory"
         return memory
 
-    def _inside(self, modules: list[str]) -> Fragment:
-        assert self._fragment is not None
-        fragment = self._fragment
+    def _inside(self, modules: list[str], beside: Fragment | None = None) -> Fragment:
+        fragment = beside or self._fragment
+        assert fragment is not None
         for module in modules:
             fragment = fragment.find_subfragment(module)
         return fragment

@@ -86,6 +86,7 @@ def decision(config: Config, ray: Followed, entries: Value) -> None:
     stops = good & (rest > 0) & full
     bench.require("error_fails", ~goes | (node.error == 0) | ray.fails[0])
     bench.require("full_stack_begins_again", ray.begins_again == (stops & ~ray.bit("strict")))
+    bench.require("alone_never_begins_again", ~ray.begins_again | (ray.limit > 1))
     bench.require("full_stack_fails", ~good | (ray.fails[0] == (stops & ray.bit("strict"))))
 
     slot = node.hits.slot[node.rank]
@@ -130,6 +131,7 @@ def invariant(config: Config, ray: Followed, places: Places, visits: Value, entr
     bench.require("restart_is_due", ~restart | ray.due)
     bench.require("due_is_strict", ~(ray.due & ~restart) | ray.bit("strict"))
     bench.require("again_is_strict", ~ray.again | ray.bit("strict"))
+    bench.require("alone_is_strict", ~ray.taken | (ray.limit != 1) | ray.bit("strict"))
     bench.require("strict_is_one", ~ray.bit("strict") | (visits <= 1))
 
     # Shared: a context is kept for the next ray; visits on their way have their places; decoded masks.

@@ -76,7 +76,8 @@ class TraversalArray(wiring.Component):
                 unit.base.eq(self.base),
                 unit.overlap.eq(self.overlap),
                 unit.read_timeout.eq(self.read_timeout),
-                unit.abort.eq(self.abort),
+                # What waits in this port's buffer no unit knows of any more: until it is taken, no unit's abort ends.
+                unit.abort.eq(self.abort | (self.aborting & self.m_axi.arvalid)),
                 unit.count_clear.eq(self.count_clear),
             ]
         wiring.connect(m, arbiter.m_axi, wiring.flipped(self.m_axi))

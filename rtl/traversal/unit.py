@@ -95,7 +95,7 @@ class Traversal(wiring.Component):
 
         loader = part("loader", Loader(config.address_width))
         header = part("header_reader", self._header)
-        timer = part("read_timer", ReadTimer())
+        m.submodules.read_timer = timer = ReadTimer()  # which goes on: an abort may be waiting for it
         intake = part("intake", Intake(config))
         control = part("control", Control(config))
         nodes = part("nodes", NodeStage(config))
@@ -215,7 +215,12 @@ class Traversal(wiring.Component):
             m.d.comb += [port.context.eq(reader.context), reader.time.eq(port.time)]
 
         # --- memory -------------------------------------------------------------------------------------------------
-        m.d.comb += [arbiter.abort.eq(self.abort), self.aborting.eq(arbiter.aborting)]
+        m.d.comb += [
+            arbiter.abort.eq(self.abort),
+            arbiter.tick.eq(timer.tick),
+            arbiter.timed.eq(timer.runs),
+            self.aborting.eq(arbiter.aborting),
+        ]
         for k, master in enumerate((header.m_axi, caches["node"].m_axi, caches["triangle"].m_axi)):
             wiring.connect(m, master, arbiter.masters[k])
         wiring.connect(m, arbiter.m_axi, wiring.flipped(self.m_axi))

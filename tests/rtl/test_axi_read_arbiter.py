@@ -7,16 +7,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from amaranth import Module
 from amaranth.sim import Simulator
 
 from gen.verilog import convert
 from rtl.axi_read_arbiter import AxiReadArbiter
+from rtl.read_timer import ReadTimer
 from tests.gen.test_lint import WAIVERS, lint
 from tests.rtl.axi_slave import AxiSlave
 
 SEED = 90
 SHAPE = {"reads": 16, "address_width": 32, "data_width": 128, "id_width": 3}
 BEATS, LANES = 4, 16
+TIMEOUT = 20
 
 
 class Master:
@@ -125,6 +128,86 @@ def test_an_address_every_cycle_in_turn() -> None:
 def test_who_asks_rarely_is_not_kept_waiting() -> None:
     masters, _ = run(3, 40, shares=[1.0, 0.02, 1.0], latency=1)
     assert len(masters[1].accepted_at) == 40
+
+
+def aborted(beats: list[int], *, timeout: int = 0, patience: int = 100) -> list[int]:
+    """An arbiter through aborts, one for each of `beats`: before it a block is asked for, of which so many beats come
+    after it. Returns how many cycles each abort takes; one that takes `patience` is given a timeout then."""
+    arbiter = AxiReadArbiter(1, **SHAPE)
+    dut = Module()
+    dut.submodules.arbiter = arbiter
+    dut.submodules.timer = timer = ReadTimer()
+    dut.d.comb += [arbiter.tick.eq(timer.tick), arbiter.timed.eq(timer.runs)]
+    port, took = arbiter.m_axi, []
+
+    async def testbench(ctx: Any) -> None:
+        ctx.set(port.arready, 1)
+        for come in beats:
+            ctx.set(timer.timeout, timeout)
+            ctx.set(arbiter.masters[0].arvalid, 1)
+            await ctx.tick().until(arbiter.masters[0].arready)
+            ctx.set(arbiter.masters[0].arvalid, 0)
+            await ctx.tick().repeat(3)  # the address is out
+            ctx.set(arbiter.abort, 1)
+            await ctx.tick()
+            ctx.set(arbiter.abort, 0)
+            cycles = 0
+            while ctx.get(arbiter.aborting):
+                ctx.set(port.rvalid, cycles < come)
+                if cycles == patience:
+                    ctx.set(timer.timeout, 5)
+                await ctx.tick()
+                cycles += 1
+            ctx.set(port.rvalid, 0)
+            took.append(cycles)
+
+    simulator = Simulator(dut)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(testbench)
+    simulator.run_until(1e-3)
+    assert len(took) == len(beats), f"an abort does not end; those before it took {took} cycles"
+    return took
+
+
+def test_an_abort_ends_with_the_last_beat() -> None:
+    assert aborted([BEATS] * 3) == [BEATS + 2] * 3
+
+
+def test_an_abort_with_a_timeout_ends_when_nothing_comes_any_more() -> None:
+    """Whether the beats are too few, as many as were asked for, or too many; and not much later."""
+    few, whole, many = 0, BEATS, 3 * BEATS
+    for come in (few, whole, many):
+        for took in aborted([come] * 8, timeout=TIMEOUT):
+            assert come + TIMEOUT < took <= come + 2 * (TIMEOUT + 1) + 2
+
+
+def test_a_timeout_may_be_set_during_an_abort() -> None:
+    """Which would not end without it; the next one then counts from nothing."""
+    first, *others = aborted([BEATS - 1, BEATS, BEATS], patience=200)
+    assert first > 200
+    assert others == [BEATS + 2] * 2
+
+
+def test_beats_that_nobody_asked_for_do_not_count() -> None:
+    arbiter = AxiReadArbiter(1, **SHAPE)
+
+    async def testbench(ctx: Any) -> None:
+        ctx.set(arbiter.masters[0].rready, 1)
+        ctx.set(arbiter.m_axi.rvalid, 1)
+        await ctx.tick().repeat(5)
+        ctx.set(arbiter.m_axi.rvalid, 0)
+        await ctx.tick().repeat(3)
+        ctx.set(arbiter.abort, 1)
+        await ctx.tick()
+        ctx.set(arbiter.abort, 0)
+        assert ctx.get(arbiter.aborting)
+        await ctx.tick()
+        assert not ctx.get(arbiter.aborting), "waits for beats of no read"
+
+    simulator = Simulator(arbiter)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(testbench)
+    simulator.run()
 
 
 def test_arbiters_that_cannot_be_built() -> None:

@@ -9,7 +9,7 @@ from amaranth.sim import Simulator
 
 from golden_model.formats import TIME_BITS, TRACE_ERRORS, WIDTH
 from rtl.config import Config
-from rtl.traversal.control import NEAR_BITS, SURE, Control
+from rtl.traversal.control import FEW, NEAR_BITS, SURE, WINDOW, Control
 
 SEED = 1984
 RAYS = 120
@@ -191,6 +191,64 @@ def test_how_far_a_ray_runs_ahead(backlog: int, starved: int, near: int, most: i
     simulator.add_testbench(testbench)
     simulator.run()
     assert asked == most
+
+
+@pytest.mark.parametrize(("starved", "runs_ahead"), [(WINDOW + 1, False), (WINDOW, True), (1, True)])
+def test_no_ray_runs_ahead_while_visits_of_nodes_wait(starved: int, runs_ahead: bool) -> None:
+    """But it does where the node test was without a node within WINDOW cycles; it is `starved` cycles before it could.
+
+    What a busy ray goes on to holds up FEW visits of others, which have none under way. One more ray has one under way,
+    and would run ahead: what it has chosen by the end comes right behind them.
+    """
+    dut = Control(SMALL)
+    busy, *others, ahead = range(FEW + 2)
+    asked: list[int] = []
+
+    async def testbench(ctx: Any) -> None:
+        async def result(context: int, count: int, leaf: int) -> None:
+            """Of a node, whose children are `count` nodes, but leaves where `leaf` has a bit."""
+            ctx.set(dut.node.payload.context, context)
+            ctx.set(dut.node.payload.hits.count, count)
+            ctx.set(dut.node.payload.leaf, leaf)
+            ctx.set(dut.node.valid, 1)
+            await ctx.tick().until(dut.node.ready)
+            ctx.set(dut.node.valid, 0)
+
+        for port, value in ((dut.overlap, SMALL.overlap), (dut.levels, 2), (dut.root, 1), (dut.backlog, 1)):
+            ctx.set(port, value)
+        ctx.set(dut.time_read.time, (1 << TIME_BITS) - 1)
+        for slot in range(WIDTH):
+            ctx.set(dut.node.payload.hits.slot[slot], slot)
+        ctx.set(dut.start.valid, 1)
+        for context in range(SMALL.contexts):
+            await ctx.tick().until(dut.start.ready)
+            ctx.set(dut.started.valid, 1)
+            ctx.set(dut.started.context, context)
+        ctx.set(dut.start.valid, 0)
+        await ctx.tick()
+        ctx.set(dut.started.valid, 0)
+        await ctx.tick().repeat(20)
+        for context in (*others, ahead):
+            await result(context, 3, 0b1)  # to a leaf, with two nodes on the stack
+        for context in others:
+            ctx.set(dut.leaf.payload.context, context)
+            ctx.set(dut.leaf.valid, 1)
+            await result(busy, 1, 0)
+        ctx.set(dut.leaf.valid, 0)
+        for cycle in range(30):
+            ctx.set(dut.starved, cycle == 20 - starved)
+            ctx.set(dut.backlog, cycle < 20)  # until visits wait for their turn
+            await result(busy, 1, 0)
+        while ctx.get(dut.node_request.valid):
+            asked.append(ctx.get(dut.node_request.payload.context))
+            await ctx.tick()
+
+    simulator = Simulator(dut)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(testbench)
+    simulator.run()
+    assert asked[: FEW + 1] == [busy, *others]
+    assert (ahead in asked) == runs_ahead
 
 
 TIME = 1000

@@ -233,6 +233,8 @@ def damaged(blocks: np.ndarray, error: str, seed: int) -> np.ndarray:
             continue
         elif node["kind"][0] != NODE_KIND:
             continue
+        elif error == "no children":
+            node["count"], node["base"] = 0, rng.integers(0, address + 1)
         elif error == "order":
             node["base"] = rng.integers(1, address + 1)
         else:
@@ -255,6 +257,14 @@ def test_damaged_blocks_fail_the_rays_that_meet_them(error: str) -> None:
         sound = run.results["error"] == 0
         expected, _ = trace_tree(blocks, queries, stack=SMALL.stack)
         assert_same(run.results[sound], expected[sound], queries[sound], f"{error}, overlap 4")
+
+
+def test_a_node_without_children_is_no_error() -> None:
+    """Wherever its children would be: it has none."""
+    blocks, queries = case("soup").blocks, case("soup").queries
+    run = assert_strict(damaged(blocks, "no children", SEED), queries, "no children", latency=5)
+    assert run.counters["errors"] == 0
+    assert run.counters["node_tests"] < assert_strict(blocks, queries, "all children").counters["node_tests"]
 
 
 def test_a_header_of_too_few_levels() -> None:
