@@ -35,7 +35,7 @@ PORTS = {
     "base": "byte address of the tree, a multiple of 64 (refused otherwise)",
     "loaded": "a usable tree is loaded",
     "load_error": "why the last header was refused, 0 if it was not",
-    "read_timeout": "cycles after which, within as many again, a read that is not answered fails; 0: never",
+    "read_timeout": "cycles after which, within as many again, an unanswered read fails, and an abort ends; 0: never",
     "abort": "forgets rays and tree; reads under way are finished, their data dropped; then all is as after a reset",
     "aborting": "an abort waits for reads under way",
     "overlap": "greatest number of visits of one ray in flight, from 1 (strict order) up",

@@ -47,7 +47,8 @@ class Traversal(wiring.Component):
     - `read_timeout`: cycles after which, within as many again, a read of the memory that is not answered fails
       (`rtl.read_timer`); 0: it is waited for.
     - `abort`: strobe, rays and tree are forgotten. `aborting` is high from the next cycle until all reads under way
-      have been answered; no ray is taken meanwhile, and a `load` is lost. Then all is as after a reset.
+      have been answered, or with a `read_timeout` until the memory has been silent for so long; no ray is taken
+      meanwhile, and a `load` is lost. Then all is as after a reset.
     - `overlap`: how many visits of a ray may be under way, 1 to `config.overlap`.
     - `count_<name>`: counters (`rtl.traversal.counters`); `count_clear` sets them to 0.
     """
