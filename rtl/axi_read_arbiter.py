@@ -91,8 +91,8 @@ class AxiReadArbiter(Component):
         m.d.comb += beats.o.ready.eq(any_of(ready))
 
         # --- the end of it all ----------------------------------------------------------------------------------------
-        # Without ticks there is nothing but the count of beats, which is right if each burst has its beats, wherever the
-        # memory puts RLAST. With them only silence counts: whether a burst that has ended early goes on, or one is
+        # Without ticks there is nothing but the count of beats, which is right if each burst has its beats, wherever
+        # the memory puts RLAST. With them only silence counts: whether a burst that has ended early goes on, or one is
         # longer than it was asked for, no count can tell, nor a bit for each id.
         beats_of_block = port.signature.block_beats
         left = Signal(range(self.reads * beats_of_block + 1))  # beats of the addresses that were taken

@@ -701,7 +701,7 @@ _FAULTS = (
         old="silent.eq(~(self.abort | port.arvalid | port.rvalid))",
         new="silent.eq(~(self.abort | port.rvalid))",
         what="an abort ends while the memory takes no address",
-        checks=("axi_read_arbiter/timed-abort", "tests/verif/test_traversal.py::test_aborts_of_an_array"),
+        checks=("axi_read_arbiter/timed-abort",),
     ),
     Mutation(
         name="missing-beats-stay",
@@ -718,6 +718,14 @@ _FAULTS = (
         new="came",
         what="a beat that nobody asked for makes the next abort wait for ever",
         checks=("tests/rtl/test_axi_read_arbiter.py",),
+    ),
+    Mutation(
+        name="timer-stops-with-the-rest",
+        file="rtl/traversal/unit.py",
+        old="m.submodules.read_timer = timer = ReadTimer()",
+        new='timer = part("read_timer", ReadTimer())',
+        what="an abort resets the timer that it waits for",
+        checks=("tests/verif/test_traversal.py::test_aborts_of_an_array",),
     ),
     Mutation(
         name="array-forgets-its-addresses",
