@@ -121,8 +121,8 @@ class Bench:
         self.overlap: int = run["overlap"]
         self.contexts: int = run["contexts"]
         self.lines: dict[str, int] = run["lines"]
-        self.addresses: int = 1 if run["units"] == 1 else 3
-        """That may wait at the memory port when an abort comes: one is offered, two more in an array's buffer."""
+        self.addresses: int = run["units"] + (2 if run["units"] > 1 else 0)
+        """That may wait when an abort comes: one that each unit offers, and two in the buffer of an array's port."""
         self.tag_width = len(dut.i__payload) - bitpack.width(RAY_QUERY)
         self.rng = random.Random(self.seed)
         self.streams = StreamDriver(dut)
