@@ -704,6 +704,14 @@ _FAULTS = (
         checks=("axi_read_arbiter/timed-abort",),
     ),
     Mutation(
+        name="silence-while-held",
+        file="rtl/axi_read_arbiter.py",
+        old="silent.eq(~(self.abort | port.arvalid | port.rvalid))",
+        new="silent.eq(~(port.arvalid | port.rvalid))",
+        what="the time in which an address waits at an array's port counts as silence",
+        checks=("axi_read_arbiter/timed-abort", "tests/verif/test_traversal.py::test_aborts_of_an_array"),
+    ),
+    Mutation(
         name="missing-beats-stay",
         file="rtl/axi_read_arbiter.py",
         old="            m.d.sync += left.eq(0)",
