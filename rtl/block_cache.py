@@ -20,11 +20,14 @@ from rtl.axi import BLOCK_BITS, INCR, OFFSET_BITS, AxiRead
 from rtl.block_fill import BlockFill
 from rtl.block_lines import BLOCK_NUMBER_BITS, BlockLines
 from rtl.pipeline import register
-from rtl.queues import FreeList, Queue, number_width
+from rtl.queues import Buffer, FreeList, PassingQueue, number_width
 from rtl.waiters import Waiters
 
 PATIENCE = 7
 """Hits that may go before a request that has waited for its block."""
+CALM, CROWD = 2, 8
+"""Reads that wait for the memory port: prefetches start while there are fewer than CALM, and from CROWD on the memory
+does not keep up."""
 
 
 class BlockCache(wiring.Component):
@@ -32,10 +35,15 @@ class BlockCache(wiring.Component):
 
     Ports: `i` {block: number of a block, tag}, `o` {data: the block, tag, error: the read failed, and the data means
     nothing}; `m_axi`, an AXI4 read master; `base`, the byte address of block 0, a multiple of 64; `invalidate`, which
-    forgets all blocks (nothing may be in flight then); `tick`, a strobe: a read that is under way at two of them fails
-    (`rtl.block_fill` says what else makes one fail). Events, each a cycle long and one cycle
-    after it happened: `hit`, `miss` (a read was started), `merged` (joined those that wait for the same block),
-    `evicted` (a block gave way to another), and `stalled`: a request waits for a free line, miss or list entry.
+    forgets all blocks (nothing may be in flight then, and `prefetching` is low); `tick`, a strobe: a read that is under
+    way at two of them fails (`rtl.block_fill` says what else makes one fail). Events, each a cycle long and one cycle
+    after it happened: `hit`, `miss` (it started a read), `merged` (joined those that wait for the same block),
+    `prefetched` (a prefetch did so), `evicted` (a block gave way to another), and `stalled`: a request waits for a free
+    line, miss or list entry.
+
+    `prefetch`, a strobe, names a `block` that is likely to be asked for soon. It is read if it is not there and nothing
+    has to wait for that; otherwise nothing happens. `prefetching`: a request is inside, or a block is on its way that
+    nobody has asked for. `crowded`: many reads wait for the port.
     """
 
     def __init__(
@@ -75,6 +83,10 @@ class BlockCache(wiring.Component):
                 "miss": Out(1),
                 "merged": Out(1),
                 "stalled": Out(1),
+                "prefetch": In(wiring.Signature({"valid": Out(1), "block": Out(BLOCK_NUMBER_BITS)})),
+                "prefetching": Out(1),
+                "prefetched": Out(1),
+                "crowded": Out(1),
                 "evicted": Out(1),
             }
         )
@@ -85,10 +97,12 @@ class BlockCache(wiring.Component):
         m.submodules.lines = lines = BlockLines(sets=self.sets, ways=self.ways, misses=self.misses)
         m.submodules.misses = misses = FreeList(self.misses)
         m.submodules.waiters = waiters = Waiters(
-            misses=self.misses, requests=self.requests, tag_width=self.tag_width, line_width=lines.line_width
+            misses=self.misses, requests=self.requests, tag_width=self.tag_width + 1, line_width=lines.line_width
         )
         m.submodules.fill = fill = BlockFill(axi=axi, misses=self.misses, line_width=lines.line_width)
         drain = waiters.o
+        address = data.StructLayout({"block": axi.address_width - OFFSET_BITS, "miss": len(fill.miss)})
+        m.submodules.addresses = addresses = PassingQueue(address, self.misses)  # so it always has room
 
         # --- requests: one to be decided, one whose labels are read, and one that came while they could not move
         valid = Signal()
@@ -99,39 +113,54 @@ class BlockCache(wiring.Component):
         read_moves = Signal()
         kept = register(m, ~read_moves & ~kept_valid, self.i.payload, "kept")
         incoming = Signal.like(self.i.payload)
+        m.submodules.prefetch = prefetch = Buffer(BLOCK_NUMBER_BITS)
         m.d.comb += [
             moves.eq(~valid | done),
             read_moves.eq(~read_valid | moves),
             self.i.ready.eq(~kept_valid),
             incoming.eq(Mux(kept_valid, kept, Value.cast(self.i.payload))),
+            # Nobody waits for a prefetch: what the buffer has no room for is dropped.
+            prefetch.i.valid.eq(self.prefetch.valid),
+            prefetch.i.payload.eq(self.prefetch.block),
         ]
         with m.If(read_moves):
-            m.d.sync += [read_valid.eq(kept_valid | self.i.valid), kept_valid.eq(0)]
+            m.d.sync += [read_valid.eq(kept_valid | self.i.valid | prefetch.o.valid), kept_valid.eq(0)]
         with m.Elif(self.i.valid):
             m.d.sync += kept_valid.eq(1)
         with m.If(moves):
             m.d.sync += valid.eq(read_valid)
-        read_block = register(m, read_moves, incoming.block, "read_block")
+        vacant = ~(kept_valid | self.i.valid)
+        m.d.comb += prefetch.o.ready.eq(read_moves & vacant)
+        look = Signal(BLOCK_NUMBER_BITS)
+        m.d.comb += look.eq(Mux(vacant, prefetch.o.payload, incoming.block))
+        read_block = register(m, read_moves, look, "read_block")
         read_tag = register(m, read_moves, incoming.tag, "read_tag")
+        read_prefetch = register(m, read_moves, vacant, "read_prefetch")
         block, tag = register(m, moves, read_block, "block"), register(m, moves, read_tag, "tag")
+        is_prefetch = register(m, moves, read_prefetch, "is_prefetch")
 
         # --- what becomes of it ---------------------------------------------------------------------------------------
+        asked = Signal()  # by somebody who waits for the answer
         hit_first = Signal()
         hit = Signal()
+        may_miss = Signal()
         merge = Signal()
         miss = Signal()
         can_answer = Signal()
         impatient = Signal()
         m.d.comb += [
             # Without a number for another read, blocks that are not there are answered with an error at once.
-            hit_first.eq(valid & Mux(lines.found, ~lines.awaited, fill.lost) & ~(drain.valid & impatient)),
+            asked.eq(valid & ~is_prefetch),
+            hit_first.eq(asked & Mux(lines.found, ~lines.awaited, fill.lost) & ~(drain.valid & impatient)),
             hit.eq(hit_first & can_answer),
-            merge.eq(valid & lines.awaited & waiters.ready),
-            miss.eq(valid & ~lines.found & lines.available & waiters.ready & misses.o.valid),
-            done.eq(hit | merge | miss),
+            merge.eq(asked & lines.awaited & waiters.ready),
+            # A prefetch waits for nothing: it starts a read, or nothing happens.
+            may_miss.eq(valid & (~is_prefetch | (addresses.level < CALM))),
+            miss.eq(may_miss & ~lines.found & lines.available & waiters.ready & misses.o.valid),
+            done.eq(hit | merge | miss | (valid & is_prefetch)),
             lines.look.eq(read_moves),
             lines.step.eq(moves),
-            lines.block.eq(incoming.block),
+            lines.block.eq(look),
             lines.touch.eq(hit),
             lines.allocate.eq(miss),
             lines.allocate_miss.eq(misses.o.payload),
@@ -143,7 +172,7 @@ class BlockCache(wiring.Component):
             lines.invalidate.eq(self.invalidate),
             waiters.add.eq(merge | miss),
             waiters.miss.eq(Mux(lines.found, lines.miss, misses.o.payload)),
-            waiters.tag.eq(tag),
+            waiters.tag.eq(Cat(tag, is_prefetch)),
             waiters.first.eq(~lines.found),
             waiters.filled.eq(fill.filled),
             waiters.ended.eq(fill.ended),
@@ -155,10 +184,12 @@ class BlockCache(wiring.Component):
             misses.i.payload.eq(waiters.free_miss),
         ]
         m.d.sync += [
+            self.crowded.eq(addresses.level >= CROWD),
             self.hit.eq(hit),
-            self.miss.eq(miss),
+            self.miss.eq(miss & ~is_prefetch),
+            self.prefetched.eq(miss & is_prefetch),
             self.merged.eq(merge),
-            self.stalled.eq(valid & Mux(lines.found, lines.awaited, ~fill.lost) & ~merge & ~miss),
+            self.stalled.eq(asked & Mux(lines.found, lines.awaited, ~fill.lost) & ~merge & ~miss),
             self.evicted.eq(miss & lines.evicts),
         ]
 
@@ -173,11 +204,9 @@ class BlockCache(wiring.Component):
             m.d.sync += overtaken.eq(overtaken + 1)
 
         # --- reads of the memory --------------------------------------------------------------------------------------
-        unit = axi.address_width - OFFSET_BITS  # addresses count blocks
-        address = data.StructLayout({"block": unit, "miss": len(fill.miss)})
-        m.submodules.addresses = addresses = Queue(address, self.misses)  # so it always has room
         m.d.comb += [
             addresses.i.valid.eq(miss),
+            # Addresses count blocks.
             addresses.i.payload.block.eq(self.base[OFFSET_BITS:] + block),
             addresses.i.payload.miss.eq(misses.o.payload),
             self.m_axi.arvalid.eq(addresses.o.valid),
@@ -203,12 +232,15 @@ class BlockCache(wiring.Component):
         # --- blocks, and answers --------------------------------------------------------------------------------------
         # A line is never read and written in one cycle: it is written while its block is awaited, and read when it has
         # come. A hit reads in the cycle in which it is found, so it does not matter when its line is given to another.
+        drains = Signal()
         answers = Signal()
         line = Signal(lines.line_width)
+        of_prefetch = drain.payload.tag[self.tag_width]  # which wants no answer
         m.d.comb += [
             can_answer.eq(~self.o.valid | self.o.ready),
             drain.ready.eq(can_answer & ~hit_first),
-            answers.eq(hit | (drain.valid & drain.ready)),
+            drains.eq(drain.valid & drain.ready),
+            answers.eq(hit | (drains & ~of_prefetch)),
             line.eq(Mux(hit_first, lines.line, drain.payload.line)),
         ]
         parts = []
@@ -227,9 +259,14 @@ class BlockCache(wiring.Component):
             parts.append(reads.data)
         with m.If(can_answer):
             m.d.sync += self.o.valid.eq(answers)
+        prefetching = Signal(range(self.misses + 1))  # reads that nobody has asked for
+        m.d.sync += prefetching.eq(prefetching + (miss & is_prefetch) - (drains & of_prefetch))
+        m.d.comb += self.prefetching.eq(prefetch.o.valid | read_valid | valid | (prefetching != 0))
         m.d.comb += [
             self.o.payload.data.eq(Cat(parts)),
-            self.o.payload.tag.eq(register(m, answers, Mux(hit_first, tag, drain.payload.tag), "answer_tag")),
+            self.o.payload.tag.eq(
+                register(m, answers, Mux(hit_first, tag, drain.payload.tag[: self.tag_width]), "answer_tag")
+            ),
             self.o.payload.error.eq(
                 register(m, answers, Mux(hit_first, ~lines.found, drain.payload.error), "answer_error")
             ),

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from amaranth import Module, Signal, Value
+from amaranth import Module, Mux, Shape, Signal, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.fifo import SyncFIFOBuffered
 from amaranth.lib.wiring import In, Out
@@ -47,21 +47,23 @@ class Buffer(wiring.Component):
 class Queue(wiring.Component):
     """First in, first out, in a RAM with a synchronous read: latency 2, one transfer a cycle.
 
-    It is always ready: whoever uses it never has more than `depth` items in it. With `many` there is a port `has_many`,
-    high while it has at least so many.
+    It is always ready: whoever uses it never has more than `depth` items in it.
     """
 
-    def __init__(self, shape: Any, depth: int, *, many: int = 0):
-        self.depth, self.many = depth, many
-        ports = {"i": In(stream.Signature(shape, always_ready=True)), "o": Out(stream.Signature(shape))}
-        super().__init__(ports | ({"has_many": Out(1)} if many else {}))
+    def __init__(self, shape: Any, depth: int):
+        # A place more than items: for a cycle they may all be in the RAM, and its output register is a place. At least
+        # three, so that the RAM has an address.
+        self._fifo = SyncFIFOBuffered(width=Shape.cast(shape).width, depth=max(depth + 1, 3))
+        super().__init__({"i": In(stream.Signature(shape, always_ready=True)), "o": Out(stream.Signature(shape))})
+
+    @property
+    def level(self) -> Value:
+        """How many items are inside."""
+        return self._fifo.level
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        # A place more than items: for a cycle they may all be in the RAM, and its output register is a place. At least
-        # three, so that the RAM has an address.
-        width = len(Value.cast(self.i.payload))
-        m.submodules.fifo = fifo = SyncFIFOBuffered(width=width, depth=max(self.depth + 1, 3))
+        m.submodules.fifo = fifo = self._fifo
         m.d.comb += [
             fifo.w_data.eq(Value.cast(self.i.payload)),
             fifo.w_en.eq(self.i.valid),
@@ -69,8 +71,44 @@ class Queue(wiring.Component):
             self.o.valid.eq(fifo.r_rdy),
             fifo.r_en.eq(self.o.ready),
         ]
-        if self.many:
-            m.d.comb += self.has_many.eq(fifo.level >= self.many)
+        return m
+
+
+class PassingQueue(wiring.Component):
+    """A `Queue` with a register behind it, into which an item goes at once where none waits: latency 1.
+
+    Behind one that waits an item takes 3 cycles at least.
+    """
+
+    def __init__(self, shape: Any, depth: int):
+        self._waiting = Queue(shape, depth)
+        super().__init__({"i": In(stream.Signature(shape, always_ready=True)), "o": Out(stream.Signature(shape))})
+
+    @property
+    def level(self) -> Value:
+        """How many items are inside."""
+        return self._waiting.level + self.o.valid
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        m.submodules.waiting = waiting = self._waiting
+        incoming, kept = Value.cast(self.i.payload), Value.cast(waiting.o.payload)
+        moves = Signal()  # the register is empty, or is emptied
+        past = Signal()
+        m.d.comb += [
+            moves.eq(~self.o.valid | self.o.ready),
+            past.eq(moves & (waiting.level == 0)),
+            waiting.i.valid.eq(self.i.valid & ~past),
+            waiting.i.payload.eq(self.i.payload),
+            waiting.o.ready.eq(moves),
+        ]
+        head = Signal(len(incoming), reset_less=True)
+        m.d.comb += Value.cast(self.o.payload).eq(head)
+        with m.If(moves):
+            m.d.sync += [
+                self.o.valid.eq(waiting.o.valid | (self.i.valid & past)),
+                head.eq(Mux(past, incoming, kept)),
+            ]
         return m
 
 

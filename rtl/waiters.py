@@ -1,12 +1,12 @@
 """Requests that wait for the same block: a list for each miss, without searching (`rtl.block_cache`)."""
 
-from amaranth import Module, Signal
+from amaranth import Module, Mux, Signal
 from amaranth.lib import data, stream
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import Component, In, Out
 
 from rtl.pipeline import register
-from rtl.queues import FreeList, Queue, number_width
+from rtl.queues import FreeList, PassingQueue, number_width
 
 
 class Waiters(Component):
@@ -77,18 +77,15 @@ class Waiters(Component):
             link.data.last.eq(register(m, self.add, self.first, "first_d1")),
         ]
 
-        # The lists whose block has come, in that order. The queue takes two cycles: what was added with `filled` is
-        # then on the list.
+        # The lists whose block has come, in that order. One may be here a cycle after `filled`, and what was added with
+        # that is then on its way to the list: it is the newest.
         done = data.StructLayout({"miss": self.miss_width, "line": self.line_width, "error": 1, "list": 1, "ended": 1})
-        m.submodules.lists = lists = Queue(done, self.misses)
+        m.submodules.lists = lists = PassingQueue(done, self.misses)
         head = newest.read_port(domain="comb")
-        next_list = Signal(done, reset_less=True)
-        next_valid = Signal()
-        next_ended = Signal()  # valid, and its number is free when it moves
-        next_moves = Signal()
         begin = Signal()  # the head of the next list is known
         taken = Signal()  # and is on its way
         load = Signal()
+        next_list = lists.o.payload
         m.d.comb += [
             lists.i.valid.eq(self.filled | self.ended),
             lists.i.payload.list.eq(self.filled),
@@ -96,20 +93,17 @@ class Waiters(Component):
             lists.i.payload.miss.eq(self.filled_miss),
             lists.i.payload.line.eq(self.filled_line),
             lists.i.payload.error.eq(self.filled_error),
-            next_moves.eq(~begin | taken),
-            lists.o.ready.eq(~next_valid | next_moves),
-            load.eq(next_valid & next_moves),
+            lists.o.ready.eq(~begin | taken),
+            load.eq(lists.o.valid & lists.o.ready),
             head.addr.eq(next_list.miss),
-            self.free.eq(next_ended & next_moves),
-            self.passed.eq(load & ~next_ended),
+            self.free.eq(load & next_list.ended),
+            self.passed.eq(load & ~next_list.ended),
             self.free_miss.eq(next_list.miss),
         ]
         with m.If(lists.o.ready):
-            m.d.sync += [next_valid.eq(lists.o.valid), next_list.eq(lists.o.payload)]
-            m.d.sync += next_ended.eq(lists.o.valid & lists.o.payload.ended)
-        with m.If(next_moves):
-            m.d.sync += begin.eq(next_valid & next_list.list)
-        begin_number = register(m, load, head.data, "begin_number")
+            m.d.sync += begin.eq(lists.o.valid & next_list.list)
+        head_number = Mux(added & (miss == next_list.miss), number, head.data)
+        begin_number = register(m, load, head_number, "begin_number")
         begin_line = register(m, load, next_list.line, "begin_line")
         begin_error = register(m, load, next_list.error, "begin_error")
 

@@ -1,10 +1,11 @@
 // Many requests through a block cache on the memory of the simulations; each has to be answered once, with its block.
 //
-//     block_cache_system IMAGE KIND COUNT STALL_SEED LATENCY REORDER INTERLEAVE STALL +image=IMAGE
+//     block_cache_system IMAGE KIND COUNT STALL_SEED LATENCY REORDER INTERLEAVE STALL PREFETCHES +image=IMAGE
 //
 // KIND says which blocks are asked for: "rays", some of them hot, some one after another, some several times in a row;
 // "half", alternately one of eight and a new one; "apart", each a new one. STALL_SEED 0 keeps both sides of the cache
-// busy every cycle, any other seed stalls both at random; the rest is of the memory. Prints "cycles hits misses merges
+// busy every cycle, any other seed stalls both at random; PREFETCHES of 256
+// cycles prefetch a random block; the rest is of the memory. Prints "cycles hits misses merges
 // stalls seconds"; exits with 1 and one line on stderr where an answer is wrong, missing or too many.
 //
 // Compiled with -DTAG_BITS, as the top, sim/block_cache_system.v, is: no more requests than tags are under way.
@@ -32,16 +33,22 @@ constexpr uint32_t TAGS = uint32_t{1} << TAG_BITS, NONE = UINT32_MAX;
     std::exit(1);
 }
 
+class Random {
+    uint64_t state_ = SEED;
+
+  public:
+    uint64_t operator()(uint64_t below) {
+        state_ ^= state_ << 13, state_ ^= state_ >> 7, state_ ^= state_ << 17;
+        return state_ % below;
+    }
+};
+
 // The block of the next request.
 class Requests {
     std::string kind_;
-    uint64_t blocks_, random_ = SEED, number_ = 0, fresh_ = 8, block_ = 0;
+    uint64_t blocks_, number_ = 0, fresh_ = 8, block_ = 0;
     unsigned repeats_ = 0, follows_ = 0;
-
-    uint64_t random(uint64_t below) {
-        random_ ^= random_ << 13, random_ ^= random_ >> 7, random_ ^= random_ << 17;
-        return random_ % below;
-    }
+    Random random;
 
     uint64_t next_fresh() { return fresh_ = fresh_ + 1 < blocks_ ? fresh_ + 1 : 8; }
 
@@ -66,22 +73,24 @@ class Requests {
 }  // namespace
 
 int main(int argc, char** argv) {
-    if (argc < 10) {
-        std::fprintf(stderr, "block_cache_system IMAGE KIND COUNT STALL_SEED LATENCY REORDER INTERLEAVE STALL +image=\n");
+    if (argc < 11) {
+        std::fprintf(stderr, "block_cache_system IMAGE KIND COUNT STALL_SEED LATENCY REORDER INTERLEAVE STALL PREFETCHES "
+                             "+image=\n");
         return 2;
     }
     struct stat about;
     if (stat(argv[1], &about) != 0) { std::perror(argv[1]); return 2; }
     const auto size = static_cast<uint64_t>(about.st_size);
     const auto* image = static_cast<const unsigned char*>(harness::map(argv[1], size, false));
-    Requests requests{argv[2], (size - BASE) / BLOCK_BYTES};
+    const uint64_t blocks = (size - BASE) / BLOCK_BYTES;
+    Requests requests{argv[2], blocks};
     const uint64_t count = std::strtoull(argv[3], nullptr, 10), seed = std::strtoull(argv[4], nullptr, 10);
 
     VerilatedContext context;
     context.commandArgs(argc, argv);
     Vblock_cache_system system{&context};
     // Verilator's names of i__valid and so on
-    auto &i_valid = system.i___05Fvalid, &o_ready = system.o___05Fready;
+    auto &i_valid = system.i___05Fvalid, &o_ready = system.o___05Fready, &prefetch_valid = system.prefetch___05Fvalid;
     const auto &i_ready = system.i___05Fready, &o_valid = system.o___05Fvalid;
     auto& i_payload = system.i___05Fpayload;
     const auto& o_payload = system.o___05Fpayload;
@@ -91,6 +100,7 @@ int main(int argc, char** argv) {
     system.reorder = std::atoi(argv[6]);
     system.interleave = std::atoi(argv[7]);
     system.stall = std::atoi(argv[8]);
+    const uint64_t prefetches = std::strtoull(argv[9], nullptr, 10);
     system.bandwidth = 256;
     system.seed = 1;
     system.rst = 1;
@@ -102,6 +112,7 @@ int main(int argc, char** argv) {
     std::vector<uint32_t> asked(TAGS, NONE);  // the block that a tag waits for
     uint64_t sent = 0, answered = 0, cycle = 0, moved = 0, block = 0;
     bool offered = false;
+    Random random;
     harness::Payload<512, TAG_BITS> answer, waiting;
     bool waits = false;
     const auto start = std::chrono::steady_clock::now();
@@ -117,6 +128,8 @@ int main(int argc, char** argv) {
         }
         i_valid = offered;
         o_ready = take.next();
+        prefetch_valid = random(256) < prefetches;
+        system.prefetch___05Fblock = static_cast<uint32_t>((block + random(16)) % blocks);
         clock(0);
         if (o_valid) {
             answer.from(o_payload);
@@ -147,10 +160,13 @@ int main(int argc, char** argv) {
     }
     const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
     if (system.violation) { std::fprintf(stderr, "the cache broke a rule of AXI\n"); return 1; }
-    if (system.hits + uint64_t{system.misses} + system.merges != count || system.read_bursts != system.misses) {
+    const bool prefetched = system.read_bursts > system.misses;
+    if (system.hits + uint64_t{system.misses} + system.merges != count || system.read_bursts < system.misses ||
+        prefetched != (prefetches != 0)) {
         std::fprintf(stderr, "the counters disagree\n");
         return 1;
     }
+    if (prefetches == 0 && system.prefetching) { std::fprintf(stderr, "something is on its way\n"); return 1; }
     std::printf("%" PRIu64 " %u %u %u %u %.3f\n", moved + 1, system.hits, system.misses, system.merges, system.stalls,
                 seconds.count());
     return 0;

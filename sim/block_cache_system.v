@@ -14,6 +14,9 @@ module block_cache_system (
     output wire [`TAG_BITS + 512:0] o__payload,
     input  wire [39:0]            base,
     input  wire                   invalidate,
+    input  wire                   prefetch__valid,
+    input  wire [31:0]            prefetch__block,
+    output wire                   prefetching,
 
     // The memory's behaviour; docs/axi_memory.md.
     input  wire [15:0]            latency,
@@ -49,6 +52,7 @@ module block_cache_system (
       .i__valid(i__valid), .i__ready(i__ready), .i__payload(i__payload),
       .o__valid(o__valid), .o__ready(o__ready), .o__payload(o__payload),
       .base(base), .invalidate(invalidate), .tick(1'b0),
+      .prefetch__valid(prefetch__valid), .prefetch__block(prefetch__block), .prefetching(prefetching), .crowded(),
       .m_axi_arvalid(arvalid), .m_axi_arready(arready), .m_axi_araddr(araddr), .m_axi_arid(arid),
       .m_axi_arlen(arlen), .m_axi_arsize(arsize), .m_axi_arburst(arburst),
       .m_axi_rvalid(rvalid), .m_axi_rready(rready), .m_axi_rdata(rdata), .m_axi_rid(rid), .m_axi_rresp(rresp),

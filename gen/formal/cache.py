@@ -107,11 +107,22 @@ def waiters(misses: int, requests: int) -> Bench:
     return bench
 
 
-def cache(*, sets: int, ways: int, misses: int, requests: int, tags: int, block_bits: int, again: bool = True) -> Bench:
+def cache(
+    *,
+    sets: int,
+    ways: int,
+    misses: int,
+    requests: int,
+    tags: int,
+    block_bits: int,
+    again: bool = True,
+    prefetches: bool = True,
+) -> Bench:
     """Requests have `tags` different tags, all blocks have numbers of `block_bits`, and a block's data is its number.
 
     The memory answers reads in any order, at any time, with or without an error; some may take too long. `again`:
-    errors, and second reads of a block and by a miss, are to be reached; that takes 15 to 18 cycles.
+    errors, and second reads of a block and by a miss, are to be reached; that takes up to 15 cycles. `prefetches`:
+    blocks may be prefetched.
     """
     component = BlockCache(
         sets=sets,
@@ -147,6 +158,7 @@ def cache(*, sets: int, ways: int, misses: int, requests: int, tags: int, block_
     bench.assume(i.payload.block < 1 << block_bits)
     bench.assume(~i.valid | ~Array(waits)[tag])
     bench.assume(~axi.rvalid | Array(reading)[axi.rid])
+    bench.assume(~component.prefetch.valid | ((component.prefetch.block < 1 << block_bits) & prefetches))
 
     was_read = Signal(1 << block_bits)  # blocks
     used_number = Signal(len(reading))  # of a miss, before
@@ -176,6 +188,16 @@ def cache(*, sets: int, ways: int, misses: int, requests: int, tags: int, block_
     right = o.payload.data == Array(wants)[number]
     bench.require("its_block", ~o.valid | o.payload.error | right)
     bench.require("no_error_of_its_own", ~(o.valid & o.payload.error) | failed | (ticks == 2))
+    # What is on its way, somebody waits for or `prefetching` tells of; but for reads that were given up.
+    bench.require(
+        "quiet", Cat(waits).any() | component.prefetching | ~(axi.arvalid | Cat(reading).any()) | (ticks == 2)
+    )
+    wanted = Cat(waits[k] & (wants[k] == axi.araddr[6 : 6 + block_bits]) for k in range(tags)).any()
+    only_prefetch = Signal()  # a read, and none that a request has begun
+    m.d.sync += only_prefetch.eq((only_prefetch | (asked & ~wanted)) & ~component.miss)
+    if prefetches:
+        bench.reach("hits_prefetched", component.hit & only_prefetch & ~failed)
+        bench.reach("joins_prefetch", component.merged & only_prefetch & ~failed)
     events = component.hit + component.miss + component.merged
     bench.require("one_event_a_cycle", events <= 1)
     bench.reach("answered", leaves & ~o.payload.error)
@@ -223,8 +245,13 @@ def properties() -> list[Property]:
                 build=build,
             )
             for name, depth, build in (
-                ("reads", 18, partial(small, requests=2, tags=2, block_bits=2)),
-                ("reads-for-three", 10, partial(small, requests=3, tags=4, block_bits=3, again=False)),
+                ("reads", 16, partial(small, requests=2, tags=2, block_bits=2, prefetches=False)),
+                ("prefetches", 11, partial(small, requests=2, tags=2, block_bits=2, again=False)),
+                (
+                    "reads-for-three",
+                    10,
+                    partial(small, requests=3, tags=4, block_bits=3, again=False, prefetches=False),
+                ),
             )
         ),
     ]

@@ -7,7 +7,7 @@ from amaranth import Array, Const, Mux, Signal, Value
 from gen.formal.bench import Bench
 from gen.formal.properties import Induction, Property
 from gen.formal.streams import Tracker, held
-from rtl.queues import Buffer, FreeList, Queue
+from rtl.queues import Buffer, FreeList, PassingQueue, Queue
 
 WIDTH = 4
 """Bits of what waits: nothing depends on what they say."""
@@ -89,6 +89,31 @@ def queue(depth: int) -> Bench:
     return bench
 
 
+def passing_queue(depth: int) -> Bench:
+    component = PassingQueue(WIDTH, depth)
+    bench = Bench(component)
+    i, o = component.i, component.o
+    held(bench, "o", o.valid, o.ready, o.payload)
+    leaves = o.valid & o.ready
+    tracker = Tracker(
+        bench, most=depth, enters=i.valid, incoming=i.payload, leaves=leaves, offers=o.valid, outgoing=o.payload
+    )
+    bench.assume(~i.valid | (tracker.count - leaves < depth))
+    bench.require("has_room", ~bench.inner("waiting/i__valid") | bench.inner("waiting/fifo/w_rdy"))
+    bench.require("passes", o.valid | ~bench.past(i.valid & (tracker.count == 0), "came_alone"))
+    empty = (tracker.count != 0) & ~o.valid
+    bench.require("comes_out", ~(empty & bench.past(empty & bench.past(empty, "waited"), "waited_longer")))
+    inside = FifoInside(bench, "waiting/fifo", "item")
+    before = inside.out + o.valid  # items that are not in the RAM
+    bench.require("count_is_level", tracker.count == inside.level + before)
+    in_output = tracker.follows & inside.out & (tracker.ahead == o.valid)
+    bench.require("followed_in_output", ~in_output | (bench.inner("waiting/fifo/r_data") == tracker.payload))
+    in_ram = tracker.follows & (tracker.ahead >= before)
+    bench.require("followed_in_ram", ~in_ram | (inside.at(tracker.ahead - before) == tracker.payload))
+    bench.reach("past_the_ram", leaves & ~inside.out & (inside.level == 0))
+    return bench
+
+
 def free_list(count: int) -> Bench:
     component = FreeList(count)
     bench = Bench(component)
@@ -145,6 +170,18 @@ def properties() -> list[Property]:
                 says="a FIFO of its depth that always has room, in order, payload holds, comes out",
                 method=Induction(depth=1),
                 build=partial(queue, depth),
+                reach=3 * depth + 2,
+                quick=depth == 3,
+            )
+            for depth in (1, 3, 8)
+        ),
+        *(
+            Property(
+                unit="passing_queue",
+                name=f"depth{depth}",
+                says="a FIFO of its depth that always has room, in order, payload holds, passes where none waits",
+                method=Induction(depth=2),
+                build=partial(passing_queue, depth),
                 reach=3 * depth + 2,
                 quick=depth == 3,
             )

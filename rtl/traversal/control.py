@@ -51,14 +51,16 @@ class Control(wiring.Component):
     - `node`: stream of `node_result`.
     - `leaf`: strobe, a visited block of triangles; `hit` ends the ray, `error` (TRACE_ERRORS) makes it fail.
     - `node_request`, `leaf_request`: streams of visits. Whoever takes them has room for `contexts * overlap` of each.
+    - `near_leaf`: strobe, a block of triangles that is likely to be visited soon (`rtl.traversal.stacks`).
     - `time_read`: how far the ray's best hit is, asked of the leaf stage.
     - `failed`: two strobes, of the node's and of the leaf's side: why a ray has failed, once a ray; both in one cycle
       where a node and a leaf of it fail together, and then the node's counts.
     - `finished`: stream of rays that are done; `failed`, and `by_leaf`: which side's strobe says why.
     - `release`: strobe, the context is free again.
     - `root`, `levels` of the tree; `overlap`: greatest number of visits of a ray under way (0 stands for 1).
-    - `backlog`: requests wait in front of a cache. `starved`: in this cycle the node test has none to test. They say
-      whether a ray may have several visits under way (`calm` below); its results do not depend on them.
+    - `backlog`: requests wait in front of a cache, or many reads for the memory. `starved`: in this cycle the node test
+      has none to test. They say whether a ray may have several visits under way (`calm` below); its results do not
+      depend on them.
     - `idle`: no ray is in a context.
     - `visit`, `revisit`: a node was visited, with a rank above 0. What is wrong with a block makes it no visit.
     """
@@ -79,6 +81,7 @@ class Control(wiring.Component):
                 "leaf": In(strobe(leaf)),
                 "node_request": Out(stream.Signature(node_visits)),
                 "leaf_request": Out(stream.Signature(leaf_visits)),
+                "near_leaf": Out(strobe(data.StructLayout({"address": ADDRESS_BITS}))),
                 "time_read": Out(ports.time_read),
                 "failed": Out(strobe(failure(config))).array(2),
                 "finished": Out(stream.Signature(finished)),
@@ -98,6 +101,7 @@ class Control(wiring.Component):
         m = Module()
         config, contexts = self._config, self._config.contexts
         m.submodules.stacks = stacks = Stacks(config)
+        wiring.connect(m, stacks.near_leaf, wiring.flipped(self.near_leaf))
 
         # --- a bit a context ----------------------------------------------------------------------------------------
         taken = Signal(contexts)  # holds a ray

@@ -1,14 +1,14 @@
 """The stacks of a traversal unit, one a context, all in one RAM."""
 
 from amaranth import Cat, Module, Mux, Signal, Value
-from amaranth.lib import stream, wiring
+from amaranth.lib import data, stream, wiring
 from amaranth.lib.fifo import SyncFIFOBuffered
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
 from rtl.config import Config
 from rtl.traversal.best_hits import context_bits
-from rtl.traversal.records import RANK_BITS, STACK_ENTRY, height_bits, push_list
+from rtl.traversal.records import ADDRESS_BITS, RANK_BITS, STACK_ENTRY, height_bits, push_list, strobe
 
 LISTS = 5
 """Lists inside: a node seldom leaves more than one entry, and then the nodes after it leave none."""
@@ -22,6 +22,7 @@ class Stacks(wiring.Component):
     - `push`: stream of `push_list`; their entries are written from `last` to `first`, so that the nearest is on top, in
       the next cycle at the earliest.
     - `written`: strobe, a list of this context has been written.
+    - `near_leaf`: strobe, an entry that has been written is a block of triangles and near: it is likely to be visited.
     - `read`: the entry at `position` of the context's stack is there one cycle after an `en`, until the next one.
     """
 
@@ -33,6 +34,7 @@ class Stacks(wiring.Component):
             {
                 "push": In(stream.Signature(push_list(config))),
                 "written": Out(wiring.Signature({"valid": Out(1), "context": Out(context)})),
+                "near_leaf": Out(strobe(data.StructLayout({"address": ADDRESS_BITS}))),
                 "read": In(
                     wiring.Signature(
                         {
@@ -79,6 +81,8 @@ class Stacks(wiring.Component):
             ]
         done = Signal(RANK_BITS)  # entries of this list that are written
         index = Signal(RANK_BITS)
+        near = Signal()
+        near_address = Signal(ADDRESS_BITS, reset_less=True)
         m.d.comb += [
             index.eq(item.last - done),
             last.eq(index == item.first),
@@ -88,12 +92,18 @@ class Stacks(wiring.Component):
             write.data.address.eq(item.base + Mux(item.again, 0, item.slot[index])),
             write.data.leaf.eq(~item.again & item.leaf.bit_select(item.slot[index], 1)),
             write.data.rank.eq(Mux(item.again, item.first, 0)),
+            near.eq(item.near.bit_select(index, 1)),
+            self.near_leaf.payload.address.eq(near_address),
             write.data.near_below.eq(Mux(done == 0, item.near_below, item.near.bit_select((index + 1)[:RANK_BITS], 1))),
             self.written.valid.eq(writing & last),
             self.written.context.eq(item.context),
             read.en.eq(self.read.en),
             read.addr.eq(place(self.read.context, self.read.position)),
             self.read.entry.eq(read.data),
+        ]
+        m.d.sync += [
+            self.near_leaf.valid.eq(writing & write.data.leaf & near),
+            near_address.eq(write.data.address),
         ]
         with m.If(writing):
             m.d.sync += done.eq(Mux(last, 0, done + 1))

@@ -15,7 +15,7 @@ from rtl.block_cache import BlockCache
 from rtl.config import Config
 from rtl.header_reader import HeaderReader
 from rtl.layouts import packet_of
-from rtl.queues import Queue, number_width
+from rtl.queues import PassingQueue, Queue, number_width
 from rtl.read_timer import TIMEOUT_BITS, ReadTimer
 from rtl.traversal.control import Control
 from rtl.traversal.counters import COUNTER_BITS, Counters
@@ -104,11 +104,15 @@ class Traversal(wiring.Component):
         results = part("results", Results(config))
         counters = part("counters", Counters())
 
+        idle = Signal()  # no ray is inside
+        prefetching = Signal()  # but a prefetch may be, of a ray that was
+        m.d.comb += idle.eq(intake.idle & control.idle)
+
         # --- the tree -----------------------------------------------------------------------------------------------
         m.d.comb += [
             loader.load.eq(self.load),
             loader.base.eq(self.base),
-            loader.idle.eq(intake.idle & control.idle),
+            loader.idle.eq(idle & ~prefetching),
             loader.busy.eq(header.busy),
             header.load.eq(loader.go),
             header.base.eq(loader.next_base),
@@ -161,9 +165,10 @@ class Traversal(wiring.Component):
         # caches can always answer, and what waits for a cache always gets on.
         caches = {}
         backlog: Value = Const(0)
+        prefetches: Value = control.near_leaf.valid
         for name, requests in (("node", control.node_request), ("triangle", control.leaf_request)):
-            queue = part(f"{name}_queue", Queue(requests.payload.shape(), visits, many=BACKLOG))
-            backlog |= queue.has_many
+            queue = part(f"{name}_queue", PassingQueue(requests.payload.shape(), visits))
+            backlog |= queue.level >= BACKLOG
             cache = BlockCache(
                 sets=getattr(config, f"{name}_sets"),
                 ways=getattr(config, f"{name}_ways"),
@@ -173,6 +178,8 @@ class Traversal(wiring.Component):
                 **self._ports,
             )
             caches[name] = part(f"{name}_cache", cache)
+            backlog |= cache.crowded
+            prefetches |= cache.prefetching
             wiring.connect(m, requests, queue.i)
             m.d.comb += [
                 cache.i.valid.eq(queue.o.valid),
@@ -183,6 +190,11 @@ class Traversal(wiring.Component):
                 cache.invalidate.eq(loader.go),
                 cache.tick.eq(timer.tick),
             ]
+        m.d.comb += [
+            caches["triangle"].prefetch.valid.eq(control.near_leaf.valid),
+            caches["triangle"].prefetch.block.eq(control.near_leaf.payload.address),
+            prefetching.eq(prefetches),
+        ]
         m.d.comb += [control.backlog.eq(backlog), control.starved.eq(nodes.starved)]
         m.d.comb += [
             nodes.i.valid.eq(caches["node"].o.valid),
@@ -228,7 +240,7 @@ class Traversal(wiring.Component):
 
         # --- counters -----------------------------------------------------------------------------------------------
         given = self.o.valid & self.o.ready
-        busy = ~loader.idle
+        busy = ~idle
         events = {
             "cycles": busy,
             "rays": given,
@@ -247,6 +259,7 @@ class Traversal(wiring.Component):
         }
         for name, cache in caches.items():
             events |= {f"{name}_hits": cache.hit, f"{name}_misses": cache.miss, f"{name}_merged": cache.merged}
+        events["triangle_prefetches"] = caches["triangle"].prefetched
         m.d.comb += counters.clear.eq(self.count_clear)
         for name in COUNTERS:
             m.d.comb += [

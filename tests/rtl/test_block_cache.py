@@ -31,6 +31,7 @@ CACHES: dict[str, dict[str, int]] = {
     "large": {"sets": 64, "ways": 6, "misses": 48, "requests": 256, "data_width": 512},
 }
 PORTS = ["clk", "rst", "i__valid", "i__ready", "i__payload", "o__valid", "o__ready", "o__payload", "base", "invalidate"]
+PORTS += ["prefetch__valid", "prefetch__block", "prefetching"]
 PORTS += ["latency", "bandwidth", "reorder", "interleave", "stall", "seed", "error_enable", "error_first", "error_last"]
 PORTS += ["violation", "read_bursts", "hits", "misses", "merges", "stalls", "evictions"]
 
@@ -78,7 +79,7 @@ def bench(folder: Path, simulator: str, cache: str, count: int, text: str | None
 
 @pytest.mark.parametrize("simulator", SIMULATORS)
 def test_bench(simulator: str, tmp_path: Path) -> None:
-    assert bench(tmp_path, simulator, "small", {"verilator": 600, "icarus": 200}[simulator]) == 11
+    assert bench(tmp_path, simulator, "small", {"verilator": 600, "icarus": 200}[simulator]) == 13
 
 
 @pytest.mark.parametrize("cache", CACHES)
@@ -95,16 +96,17 @@ def test_hundreds_of_thousands_of_requests(cache: str, tmp_path: Path) -> None:
         assert done.returncode == 0, f"{' '.join(command)}: {done.stderr}"
         return int(done.stdout.split()[0])
 
-    # Stalls of both sides; latency, reorder, interleave, stalls of the memory.
-    for settings in [(7, 100, 64, 1, 60), (9, 0, 128, 1, 0), (0, 37, 90, 0, 128), (0, 100, 0, 0, 0)]:
+    # Stalls of both sides; latency, reorder, interleave, stalls of the memory; blocks prefetched.
+    for settings in [(7, 100, 64, 1, 60, 40), (9, 0, 128, 1, 0, 0), (0, 37, 90, 0, 128, 255), (0, 100, 0, 0, 0, 0)]:
         cycles("rays", 100_000 // few, *settings)
     if cache == "large":
         # Half of the requests hit, and all misses are under way for about the latency: their number bounds the rate.
-        assert cycles("half", 100_000, 0, 100, 0, 0, 0) < 50_000 * 110 / CACHES[cache]["misses"]
-        assert cycles("apart", 50_000, 0, 100, 0, 0, 0) < 50_000 * 110 / CACHES[cache]["misses"]
+        assert cycles("half", 100_000, 0, 100, 0, 0, 0, 0) < 50_000 * 110 / CACHES[cache]["misses"]
+        assert cycles("apart", 50_000, 0, 100, 0, 0, 0, 0) < 50_000 * 110 / CACHES[cache]["misses"]
         # With a fast memory there is an answer every cycle, whether they hit or not.
-        assert cycles("apart", 50_000, 0, 0, 0, 0, 0) < 50_000 * 1.001
-        assert cycles("rays", 100_000, 0, 0, 0, 0, 0) < 100_000 * 1.01
+        assert cycles("apart", 50_000, 0, 0, 0, 0, 0, 0) < 50_000 * 1.001
+        # Of a hot block, answers that have waited and hits of the same cycles come one after the other: a cycle in 98.
+        assert cycles("rays", 100_000, 0, 0, 0, 0, 0, 0) < 100_000 * 1.011
 
 
 @needs_icarus
@@ -140,21 +142,35 @@ def test_bench_catches_a_broken_cache(original: str, mutant: str, only: str, mes
 class Run:
     """Requests through a cache in Amaranth's simulator, one a cycle, answers always taken.
 
-    `ticks`: cycles from one tick to the next, 0 for none; `memory`: how the memory answers, beside its latency.
+    `ticks`: cycles from one tick to the next, 0 for none; `memory`: how the memory answers, beside its latency;
+    `prefetches`: blocks that are prefetched, by the cycle.
     """
 
-    def __init__(self, latency: int = 10, ticks: int = 0, memory: dict[str, Any] | None = None, **shape: int):
+    def __init__(
+        self,
+        latency: int = 10,
+        ticks: int = 0,
+        memory: dict[str, Any] | None = None,
+        prefetches: dict[int, int] | None = None,
+        **shape: int,
+    ):
         self.cache = BlockCache(**({"sets": 4, "ways": 2, "misses": 8, "requests": 32, "tag_width": 12} | shape))
         self.memory = AxiSlave(self.cache.m_axi, latency=latency, **({"seed": SEED} | (memory or {})))
         self.ticks = ticks
+        self.prefetches = prefetches or {}
+        self.prefetching: list[int] = []
+        """Cycles in which something may be on its way."""
         self.events: dict[str, list[int]] = {name: [] for name in ("hit", "miss", "merged", "stalled", "evicted")}
         self.sent_at: list[int] = []
         self.answers: dict[int, tuple[int, int, int]] = {}
         """Request number to cycle, error, data."""
         self.under_way: list[int] = []
 
-    def __call__(self, *phases: Iterable[int], between: Any = lambda ctx, phase: None) -> "Run":
-        """Requests the blocks of a phase, waits for all answers, calls `between`, and goes on with the next."""
+    def __call__(self, *phases: Iterable[int | None], between: Any = lambda ctx, phase: None) -> "Run":
+        """Requests the blocks of a phase, waits for all answers, calls `between`, and goes on with the next.
+
+        None among the blocks is a cycle without a request.
+        """
         simulator = Simulator(self.cache)
         simulator.add_clock(1e-6)
 
@@ -165,26 +181,39 @@ class Run:
         simulator.run()
         return self
 
-    async def _run(self, ctx: Any, phases: list[list[int]], between: Any) -> None:
+    async def _run(self, ctx: Any, phases: list[list[int | None]], between: Any) -> None:
         cache, cycle, moved, number, waiting = self.cache, 0, 0, 0, 0
         ctx.set(cache.o.ready, 1)
         for index, phase in enumerate(phases):
             blocks = list(phase)
-            while blocks or waiting or cycle < moved + 5:
-                ctx.set(cache.i.valid, int(bool(blocks)))
-                if blocks:
+            while (
+                blocks
+                or waiting
+                or cycle < moved + 5
+                or cycle <= max(self.prefetches, default=0)
+                or ctx.get(cache.prefetching)
+            ):
+                asks = bool(blocks) and blocks[0] is not None
+                ctx.set(cache.i.valid, int(asks))
+                if asks:
                     ctx.set(cache.i.payload, {"block": blocks[0], "tag": number})
+                ctx.set(cache.prefetch.valid, int(cycle in self.prefetches))
+                ctx.set(cache.prefetch.block, self.prefetches.get(cycle, 0))
                 ctx.set(cache.tick, int(self.ticks > 0 and cycle % self.ticks == 0))
                 self.memory.drive(ctx)
                 self.memory.sample(ctx)
                 self.under_way.append(self.memory.under_way)
+                if ctx.get(cache.prefetching):
+                    self.prefetching.append(cycle)
                 if ctx.get(cache.o.valid):
                     answer = cache.o.payload
                     tag = ctx.get(answer.tag)
                     assert tag not in self.answers
                     self.answers[tag] = (cycle, ctx.get(answer.error), ctx.get(answer.data))
                     waiting, moved = waiting - 1, cycle
-                if blocks and ctx.get(cache.i.ready):
+                if blocks and not asks:
+                    blocks.pop(0)
+                elif asks and ctx.get(cache.i.ready):
                     blocks.pop(0)
                     self.sent_at.append(cycle)
                     number, waiting, moved = number + 1, waiting + 1, cycle
@@ -229,8 +258,8 @@ def test_a_miss_then_hits() -> None:
     assert [run.answers[k][0] - run.sent_at[k] for k in (3, 4)] == [3, 3]
     woken = sorted(run.answers[k][0] for k in range(3))
     assert woken == list(range(woken[0], woken[0] + 3))
-    # Request, address 4 cycles later, the memory's latency, and 7 more to the answer.
-    assert woken[0] == run.sent_at[0] + 4 + 10 + 7
+    # Request, address 3 cycles later, the memory's latency, and 5 more to the answer.
+    assert woken[0] == run.sent_at[0] + 3 + 10 + 5
 
 
 def test_rays_that_wait_for_a_block_are_woken_together_while_others_hit() -> None:
@@ -239,6 +268,42 @@ def test_rays_that_wait_for_a_block_are_woken_together_while_others_hit() -> Non
     hits, woken = ([run.answers[k][0] for k in numbers] for numbers in (range(5, 10), range(1, 5)))
     assert max(hits) < min(woken), "hits wait for a miss"
     assert max(woken) - min(woken) == 3
+
+
+def test_a_block_that_was_prefetched_hits() -> None:
+    run = Run(latency=10, prefetches={3: 5, 4: 6, 30: 5})([], [5, 6, 7])
+    assert run.memory.reads == [5 * 64, 6 * 64, 7 * 64]
+    assert run.count() == {"hit": 2, "miss": 1, "merged": 0, "stalled": 0, "evicted": 0}
+    assert {answer[1:] for answer in run.answers.values()} == {(0, block_data(k * 64)) for k in (5, 6, 7)}
+    # From the strobe on, until both are there; and for the look at the block that is there already.
+    assert run.prefetching[0] == 4
+    assert not set(range(25, 31)) & set(run.prefetching)
+
+
+def test_a_request_joins_a_block_that_is_prefetched() -> None:
+    run = Run(latency=30, prefetches={1: 5})([1, None, None, None, 5, 5])
+    assert run.memory.reads == [1 * 64, 5 * 64]
+    assert run.count() == {"hit": 0, "miss": 1, "merged": 2, "stalled": 0, "evicted": 0}
+    assert {k: answer[1:] for k, answer in run.answers.items()} == {
+        k: (0, block_data(64 * block)) for k, block in enumerate((1, 5, 5))
+    }
+
+
+@pytest.mark.parametrize("short", [{"misses": 1}, {"ways": 1, "sets": 2}, {"requests": 1}])
+def test_nothing_is_read_ahead_where_requests_would_have_to_wait_for_it(short: dict[str, int]) -> None:
+    """The only number, line or list entry belongs to a request."""
+    run = Run(latency=50, prefetches={8: 3}, **short)([0])
+    assert run.memory.reads == [0]
+    assert run.count()["stalled"] == 0
+
+
+def test_a_prefetch_that_fails_is_no_answer() -> None:
+    """The block is read again when it is asked for."""
+    run = Run(latency=3, prefetches={1: 5})
+    run.memory.bad = {5 * 64}
+    run([], [5], between=lambda ctx, phase: run.memory.bad.clear())
+    assert run.memory.reads == [5 * 64, 5 * 64]
+    assert run.answers[0][1:] == (0, block_data(5 * 64))
 
 
 def test_hits_go_first_but_not_for_ever() -> None:
