@@ -14,7 +14,7 @@ import pytest
 from amaranth.sim import Simulator
 
 from gen.verilog import convert
-from rtl.block_cache import PATIENCE, BlockCache
+from rtl.block_cache import CROWD, PATIENCE, BlockCache
 from rtl.queues import number_width
 from sim import toolchain, verilated
 from sim.runner import BenchError, run_cocotb
@@ -304,6 +304,26 @@ def test_a_prefetch_that_fails_is_no_answer() -> None:
     run([], [5], between=lambda ctx, phase: run.memory.bad.clear())
     assert run.memory.reads == [5 * 64, 5 * 64]
     assert run.answers[0][1:] == (0, block_data(5 * 64))
+
+
+def test_crowded() -> None:
+    """It says that CROWD reads wait for a port that takes none."""
+    cache = BlockCache(sets=16, ways=2, misses=16, requests=16, tag_width=4)
+
+    async def testbench(ctx: Any) -> None:
+        ctx.set(cache.i.valid, 1)
+        for number in range(CROWD + 2):
+            ctx.set(cache.i.payload, {"block": number, "tag": number})
+            await ctx.tick().until(cache.i.ready)
+            ctx.set(cache.i.valid, 0)
+            await ctx.tick().repeat(8)
+            assert ctx.get(cache.crowded) == (number + 1 >= CROWD)
+            ctx.set(cache.i.valid, 1)
+
+    simulator = Simulator(cache)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(testbench)
+    simulator.run()
 
 
 def test_hits_go_first_but_not_for_ever() -> None:

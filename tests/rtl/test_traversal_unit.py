@@ -38,7 +38,7 @@ from sim.emitted import emitted
 from sim.traversal import TraversalRun, TraversalUnit
 from tests.gen.test_lint import WAIVERS, lint
 from tests.rtl.agreement import fields_in_hex
-from tests.rtl.axi_slave import AxiSlave
+from tests.rtl.axi_slave import AxiSlave, Wrong
 
 SEED = 1987
 SMALL = replace(
@@ -377,6 +377,70 @@ def test_another_tree_while_rays_are_under_way() -> None:
     assert (got["error"] == 0).all()
     assert_same(got, expected, queries, "two trees")
     assert not bitpack.equal(trace_tree(trees[0], queries, stack=SMALL.stack)[0], expected)[before:].all()
+
+
+def test_a_load_waits_for_a_prefetch() -> None:
+    """A ray that needs any hit has one in the first of two leaves, while the other one is still on its way."""
+    triangles = np.zeros(4, dtype=TRIANGLE)  # all the same, so that both leaves are equally near
+    for name, x, y in zip(TRIANGLE.names or (), (-1, 1, 0), (-1, -1, 1), strict=True):
+        triangles[name] = x, y, 0
+    blocks = build_wide(triangles, max_levels=SMALL.stack).blocks
+    image = blocks.astype("<u4").tobytes()
+    leaves = [
+        BLOCK_BYTES * k for k in range(1, len(blocks)) if bitpack.unpack(blocks[[k]], NODE_BLOCK)["kind"] != NODE_KIND
+    ]
+    assert len(leaves) == 2
+    rays = RAY_FAMILIES["diffuse"](triangles, 1, SEED)
+    rays["origin"], rays["direction"] = (0, 0, -3), (0, 0, 1)
+    query = int.from_bytes(bitpack.pack(queries_of(rays, any_hit=True))[0].tobytes(), "little")
+    traversal = Traversal(SMALL)
+    beats = BLOCK_BYTES * 8 // SMALL.axi_width
+    late = Wrong(beats=beats, last=frozenset({beats - 1}), after=300)
+
+    class Memory(AxiSlave):
+        @staticmethod
+        def word(address: int, lanes: int) -> int:
+            return int.from_bytes(image[address : address + lanes], "little")
+
+    async def bench(ctx: Any) -> None:
+        memory = Memory(traversal.m_axi, latency=20, seed=SEED)
+
+        async def step() -> None:
+            memory.drive(ctx)
+            memory.sample(ctx)
+            if not memory.wrong and memory.reads[-1:] in ([leaf] for leaf in leaves):
+                memory.wrong = {leaf: late for leaf in leaves if leaf != memory.reads[-1]}
+            await ctx.tick()
+
+        async def steps_until(signal: Any) -> None:
+            while not ctx.get(signal):
+                await step()
+
+        async def load() -> None:
+            ctx.set(traversal.load, 1)
+            await step()
+            ctx.set(traversal.load, 0)
+
+        ctx.set(traversal.o.ready, 1)
+        await load()
+        await steps_until(traversal.loaded)
+        ctx.set(Value.cast(traversal.i.payload), query)
+        ctx.set(traversal.i.valid, 1)
+        await steps_until(traversal.i.ready)
+        await step()
+        ctx.set(traversal.i.valid, 0)
+        await steps_until(traversal.o.valid)
+        assert ctx.get(traversal.o.payload.data.primitive) >= 0
+        assert memory.under_way == 1, "nothing is on its way"
+        await load()
+        while memory.reads[-1] != 0:
+            await step()
+        assert memory.under_way == 1, "the header is not all that is on its way"
+
+    simulator = Simulator(traversal)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(bench)
+    simulator.run()
 
 
 # --- small parts ------------------------------------------------------------------------------------------------------
