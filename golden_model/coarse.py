@@ -12,7 +12,8 @@ import numpy as np
 from golden_model.lightmap import VALID, Lightmaps
 from golden_model.mesh import area_vectors, dot, without_area
 from golden_model.nearest import nearest
-from golden_model.scene import Part, Scene
+from golden_model.parts import Part
+from golden_model.scene import Scene
 
 FEWEST = 4
 """Triangles of a reduced mesh, at least: the fewest that enclose anything."""

@@ -8,8 +8,11 @@ renderers).
 
 import numpy as np
 
-from golden_model.scene import Camera, Keyframe, Part, Scene, assemble, vector
+from golden_model.assemble import assemble
+from golden_model.parts import Part
+from golden_model.scene import Camera, Keyframe, Scene
 from golden_model.shapes import quad_coordinates, quad_triangles
+from golden_model.vectors import vector
 
 LIGHT_DROP = 0.5
 

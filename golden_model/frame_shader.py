@@ -23,11 +23,11 @@ from golden_model.errors import InputError
 from golden_model.floats import flush, quiet
 from golden_model.formats import HIT
 from golden_model.lights import Lights
+from golden_model.parts import DIFFUSE, MIRROR
 from golden_model.random import hash_u32
 from golden_model.ray_buffer import RayBuffer
 from golden_model.ray_shading import Onward, direct_at_hits, direct_light, scatter, shade_rays
 from golden_model.records import take
-from golden_model.scene import DIFFUSE, MIRROR
 from golden_model.shading import Surfaces, textured
 
 _SPECULAR, _SHADOW, _BEYOND = range(3)  # what a hash is for

@@ -18,8 +18,8 @@ from golden_model.gltf_accessors import Accessors
 from golden_model.gltf_document import damaged, gltf_document, not_understood
 from golden_model.gltf_materials import STRENGTH, material_colours
 from golden_model.mesh import unit_normals
+from golden_model.parts import Part
 from golden_model.remarks import Remarks
-from golden_model.scene import Part
 
 EXTENSIONS = frozenset(("KHR_mesh_quantization", STRENGTH))
 """Extensions that are read."""

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from golden_model.gltf_accessors import Accessors
+from golden_model.parts import DEFAULT_ALBEDO
 from golden_model.remarks import Remarks
-from golden_model.scene import DEFAULT_ALBEDO
 
 STRENGTH = "KHR_materials_emissive_strength"
 

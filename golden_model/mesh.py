@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from golden_model.errors import InputError, warn
+from golden_model.parts import Part
 from golden_model.points import numbered
-from golden_model.scene import Part
 
 CREASE_COSINE = 0.7
 """Faces that meet at more than about 45 degrees keep an edge between them; flatter meetings are shaded smoothly."""

@@ -6,8 +6,8 @@ from golden_model.errors import InputError
 from golden_model.gltf_file import load_gltf
 from golden_model.named_files import lack
 from golden_model.obj_file import load_obj
+from golden_model.parts import Part
 from golden_model.ply_file import load_ply
-from golden_model.scene import Part
 
 
 def load_mesh(path: Path) -> list[Part]:

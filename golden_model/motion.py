@@ -1,9 +1,6 @@
-"""The scene of a frame: objects, lights and camera moved along their paths, the lightmap records with them, and what
-has changed from one frame to another.
-"""
+"""The scene of a frame: objects, lights and camera moved along their paths, and the lightmap records with them."""
 
-import enum
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,8 +15,26 @@ NOWHERE = np.float32(np.nan)
 """Coordinates of an absent object's vertices."""
 
 
+KEPT_FRAMES = 4
+"""Scenes of frames that a scene at rest keeps: a frame, those in flight beside it, and the one before."""
+
+
+def scene_at(scene: Scene, frame: int) -> Scene:
+    """The scene of a frame, 0 or more; of any scene of the sequence, at rest or not, the same.
+
+    Arrays that do not change are shared with the scene at rest; where nothing ever changes it is that very scene.
+    The last few frames asked for are kept.
+    """
+    rest = scene if scene.rest is None else scene.rest
+    if frame not in rest.frames:
+        while len(rest.frames) >= KEPT_FRAMES:
+            del rest.frames[next(iter(rest.frames))]
+        rest.frames[frame] = posed(rest, frame)
+    return rest.frames[frame]
+
+
 def posed(rest: Scene, frame: int) -> Scene:
-    """The scene of a frame, made from the scene at rest; `Scene.at` is the way to call it."""
+    """The scene of a frame, made anew from the scene at rest."""
     camera = rest.camera_at(frame)
     if not rest.dynamic:
         still = not rest.camera_path
@@ -79,102 +94,6 @@ def _moved_lights(rest: Scene, frame: int) -> np.ndarray:
         if path is not None:
             lights["position"][number], lights["intensity"][number] = light_at(path, frame)
     return lights
-
-
-class Kind(enum.Flag):
-    """What has happened to an object or a point light; several may have."""
-
-    MOVED = enum.auto()
-    APPEARED = enum.auto()
-    VANISHED = enum.auto()
-    RELIT = enum.auto()
-    """It shines more, less or in another colour, or it shone before it vanished or shines now that it has appeared."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Change:
-    """One object or point light that two frames show differently."""
-
-    kind: Kind
-    object: int
-    """Number of the object, -1 for a point light."""
-    light: int
-    """Number of the point light, -1 for an object."""
-    before: np.ndarray | None
-    """Least and greatest coordinates in the frame before, (2, 3) float32; None where it was not there."""
-    after: np.ndarray | None
-    """The same in the frame after, None where it is not there."""
-    albedo: float
-    """Largest reflectance of its materials, of any colour; 0 for a point light."""
-    emission: float
-    """Largest radiance, of a point light radiant intensity, of any colour, in either frame."""
-    difference: float
-    """Largest difference of that between the two frames, of any colour; all of it where it appeared or vanished."""
-
-
-def changes(before: Scene, after: Scene) -> list[Change]:
-    """What differs between two frames of one scene: objects in their order, then point lights."""
-    if before is after or not after.dynamic:
-        return []
-    objects = [_object_change(before, after, number) for number in range(len(after.object_names))]
-    lights = [_light_change(before, after, number) for number in range(len(after.point_lights))]
-    return [change for change in (*objects, *lights) if change is not None]
-
-
-def _object_change(before: Scene, after: Scene, number: int) -> Change | None:
-    was, now = bool(before.present[number]), bool(after.present[number])
-    moved = (
-        before.rotation[number].tobytes() != after.rotation[number].tobytes()
-        or before.translation[number].tobytes() != after.translation[number].tobytes()
-    )
-    mine = after.material_object == number
-    old, new = before.emission[mine], after.emission[mine]
-    kind = Kind.MOVED if moved and was and now else Kind(0)
-    if was != now:
-        kind |= Kind.APPEARED if now else Kind.VANISHED
-    if (old != new).any():
-        kind |= Kind.RELIT
-    if not kind:
-        return None
-    return Change(
-        kind=kind,
-        object=number,
-        light=-1,
-        before=_bounds(before, number) if was else None,
-        after=_bounds(after, number) if now else None,
-        albedo=float(after.albedo[mine].max(initial=0)),
-        emission=float(max(old.max(initial=0), new.max(initial=0))),
-        difference=float(np.abs(old - new).max(initial=0)),
-    )
-
-
-def _light_change(before: Scene, after: Scene, number: int) -> Change | None:
-    old, new = before.point_lights[number], after.point_lights[number]
-    kind = Kind.MOVED if (old["position"] != new["position"]).any() else Kind(0)
-    if (old["intensity"] != new["intensity"]).any():
-        kind |= Kind.RELIT
-    if not kind:
-        return None
-    return Change(
-        kind=kind,
-        object=-1,
-        light=number,
-        before=np.stack([old["position"], old["position"]]),
-        after=np.stack([new["position"], new["position"]]),
-        albedo=0.0,
-        emission=float(max(old["intensity"].max(), new["intensity"].max())),
-        difference=float(np.abs(old["intensity"] - new["intensity"]).max()),
-    )
-
-
-def _bounds(scene: Scene, number: int) -> np.ndarray | None:
-    """Least and greatest coordinates of an object, (2, 3) float32; None where it has no triangles."""
-    first, end = np.searchsorted(scene.object_id, [number, number + 1])
-    if first == end:
-        return None
-    corners = [scene.triangles[name][first:end] for name in TRIANGLE.names or ()]
-    low = np.min([corner.min(axis=0) for corner in corners], axis=0)
-    return np.stack([low, np.max([corner.max(axis=0) for corner in corners], axis=0)])
 
 
 @quiet

@@ -11,9 +11,9 @@ import numpy as np
 
 from golden_model.errors import InputError, warn
 from golden_model.named_files import lack
+from golden_model.parts import DEFAULT_ALBEDO
 from golden_model.plain_text import real
 from golden_model.remarks import Remarks
-from golden_model.scene import DEFAULT_ALBEDO
 from golden_model.wavefront import lines
 
 Colours = tuple[list[float], list[float]]

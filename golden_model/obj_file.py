@@ -12,10 +12,10 @@ import numpy as np
 from golden_model.errors import InputError
 from golden_model.mesh import unit_normals
 from golden_model.mtl_file import Colours, Materials
+from golden_model.parts import Part
 from golden_model.plain_text import real, whole
 from golden_model.polygons import triangulated
 from golden_model.remarks import Remarks
-from golden_model.scene import Part
 from golden_model.wavefront import lines
 
 SEEN = frozenset(("l", "p", "curv", "curv2", "surf", "call", "usemap"))

@@ -13,10 +13,10 @@ import numpy as np
 
 from golden_model.errors import InputError
 from golden_model.mesh import unit_normals
+from golden_model.parts import DEFAULT_ALBEDO, Part
 from golden_model.plain_text import real, whole, without_mark
 from golden_model.polygons import triangulated
 from golden_model.remarks import Remarks
-from golden_model.scene import DEFAULT_ALBEDO, Part
 
 TYPES = {
     **dict.fromkeys(("char", "int8"), "i1"),

@@ -14,6 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from golden_model.assemble import framing_camera
 from golden_model.camera import look_at
 from golden_model.directions import cosine_table, rotation_table, tangent_of, to_world
 from golden_model.errors import InputError
@@ -22,7 +23,6 @@ from golden_model.formats import F4, RAY
 from golden_model.mesh import area_vectors, dot
 from golden_model.ray_setup import ray_setup
 from golden_model.ray_triangle import ray_triangle, triangle_tests
-from golden_model.scene import framing_camera
 from golden_model.vectors import cross, interpolate, normalize, subtract
 
 Generator = np.random.Generator

@@ -22,9 +22,10 @@ from golden_model.floats import flush, quiet
 from golden_model.formats import RAY
 from golden_model.hit_surface import surface_at
 from golden_model.lights import Lights, direct_candidates
+from golden_model.parts import DIFFUSE, GLASS
 from golden_model.random import hash_u32, uniform
 from golden_model.records import take
-from golden_model.scene import DIFFUSE, GLASS, Scene
+from golden_model.scene import Scene
 from golden_model.shading import INVERSE_PI, Surfaces, albedo_at, diffuse_radiance, emitted
 from golden_model.vectors import add, dot, normalize, scale
 

@@ -17,7 +17,7 @@ from golden_model.formats import TEXEL_STATE
 from golden_model.gather import Sampling, World, gather
 from golden_model.lightmap import VALID, Lightmaps
 from golden_model.lights import lights_of
-from golden_model.motion import moved_records
+from golden_model.motion import moved_records, scene_at
 from golden_model.publish import Publisher
 from golden_model.sampling import Update
 from golden_model.scene import Scene
@@ -64,7 +64,7 @@ class Reference:
         self.sampling = Sampling(directions=directions, light_samples=max(directions // 2, 1))
         few = min(directions, COARSE_RAYS // ROUNDS)
         self.coarse = replace(self.sampling, directions=few, light_samples=max(few // 2, 1))
-        self.structure = Structure(scene.at(0), backend, None, threads)
+        self.structure = Structure(scene_at(scene, 0), backend, None, threads)
         self.fraction = fraction_bits(scene, self.sampling.balanced)
         self.publisher = Publisher(lightmaps)
         self._published = self.publisher.everything(np.zeros(len(lightmaps.texels), dtype=TEXEL_STATE))
@@ -94,7 +94,7 @@ class Reference:
         return self._published
 
     def _settle(self, frame: int) -> None:
-        scene = self.scene.at(frame)
+        scene = scene_at(self.scene, frame)
         self.structure.update(scene)
         lightmaps = moved_records(self.lightmaps, scene)
         self._valid = lightmaps.texels["state"] == VALID

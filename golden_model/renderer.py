@@ -29,7 +29,7 @@ from golden_model.lightmap import Lightmaps
 from golden_model.lights import Lights, lights_of
 from golden_model.machine import FrameCounts, Machine, RayCounts
 from golden_model.maintenance import Maintainer, Maintenance
-from golden_model.motion import moved_records
+from golden_model.motion import moved_records, scene_at
 from golden_model.policy import Policy
 from golden_model.prediction import predicted_view
 from golden_model.publish import Publisher
@@ -149,7 +149,7 @@ class Renderer:
             self.sampling.require(hold.least, scene)
             self._hold = BudgetController(hold, budget)
             self.budget = self._hold.budget
-        first = scene.at(0)
+        first = scene_at(scene, 0)
         self.structure = Structure(first, backend, recorder, threads, self.pipeline.structure)
         if lightmaps is None:
             # Looking for buried texels is no part of the render: its rays are not recorded.
@@ -234,7 +234,7 @@ class Renderer:
         number = self.next_frame
         clock = Stopwatch()
         with clock("scene and structure"):
-            scene = self.scene.at(number)
+            scene = scene_at(self.scene, number)
             self.structure.update(scene)
             before = self.published
             world = self._world(scene, before)
@@ -283,7 +283,7 @@ class Renderer:
         coming = predicted_view(scene, frame, self.width, self.height, self.policy)
         return FrameContext(
             frame=frame,
-            before=self.scene.at(max(frame - 1, 0)),
+            before=scene_at(self.scene, max(frame - 1, 0)),
             after=scene,
             lightmaps=world.lightmaps,
             state=self.state,
@@ -377,7 +377,7 @@ class Renderer:
         self, world: World, raster: RasterFigures, rays: FrameRayFigures, done: Maintenance, published: int
     ) -> FrameCounts:
         """The work of the frame just done."""
-        scene, before = world.scene, self.scene.at(max(self.next_frame - 1, 0))
+        scene, before = world.scene, scene_at(self.scene, max(self.next_frame - 1, 0))
         moved = (scene.rotation != before.rotation).any(axis=(1, 2)) | (scene.translation != before.translation).any(
             axis=1
         )

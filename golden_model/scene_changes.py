@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from golden_model.mesh import area_vectors
-from golden_model.scene import DIFFUSE, Scene
+from golden_model.parts import DIFFUSE
+from golden_model.scene import Scene
 
 PI = 3.141592653589793
 

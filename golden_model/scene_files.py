@@ -6,15 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
+from golden_model.assemble import assemble
 from golden_model.camera import LARGEST_SIDE
 from golden_model.cornell_box import CAMERA, PATH
 from golden_model.errors import InputError
 from golden_model.formats import POINT_LIGHT
 from golden_model.paths import LightPath
-from golden_model.scene import Camera, Keyframe, RenderDefaults, Scene, assemble, vector
+from golden_model.scene import Camera, Keyframe, RenderDefaults, Scene
 from golden_model.scene_objects import BOX, MESH, QUAD, SPHERE, Objects
 from golden_model.scene_paths import key_frame, light_path
 from golden_model.scene_tables import Table
+from golden_model.vectors import vector
 
 
 def load_toml(path: Path) -> Scene:

@@ -13,11 +13,12 @@ from golden_model.errors import InputError
 from golden_model.mesh import check_part, with_area
 from golden_model.mesh_files import load_mesh
 from golden_model.named_files import lack
-from golden_model.scene import DEFAULT_ALBEDO, DEFAULT_IOR, DIFFUSE, GLASS, MIRROR, Part, vector
+from golden_model.parts import DEFAULT_ALBEDO, DEFAULT_IOR, DIFFUSE, GLASS, MIRROR, Part
 from golden_model.scene_paths import PATH, object_path
 from golden_model.scene_tables import Table
 from golden_model.shapes import box, icosphere, quad_coordinates, quad_triangles
 from golden_model.texture_files import BUILTIN, checker, load_texture
+from golden_model.vectors import vector
 
 GROUPS = {"cornell-box": PART_NAMES, "cornell-room": list(ROOM), "cornell-blocks": list(BLOCKS)}
 """Built-in parts by the names that `builtin` takes."""

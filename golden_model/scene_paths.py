@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from golden_model.assemble import LARGEST
 from golden_model.errors import InputError
 from golden_model.paths import LightKey, LightPath, ObjectKey, ObjectPath
-from golden_model.scene import LARGEST, vector
 from golden_model.scene_tables import Table
+from golden_model.vectors import vector
 
 MOST_FRAMES = 1 << 24
 """Frame numbers lie below this: they and their differences are exact in float32."""

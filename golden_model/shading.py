@@ -11,8 +11,9 @@ import numpy as np
 
 from golden_model.floats import flush, half_to_float, quiet
 from golden_model.lightmap import Lightmaps, bilinear, lightmap_coordinates, sample
+from golden_model.parts import DIFFUSE, MIRROR
 from golden_model.records import take
-from golden_model.scene import DIFFUSE, MIRROR, Scene
+from golden_model.scene import Scene
 from golden_model.textures import Textures, sample_textures, texel_coordinates
 from golden_model.vectors import interpolate
 

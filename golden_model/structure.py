@@ -52,7 +52,7 @@ class Structure:
         self._coarse: Forest | None = None
 
     def update(self, scene: Scene) -> None:
-        """Follows the scene to another of its frames (`Scene.at`)."""
+        """Follows the scene to another of its frames (`scene_at`)."""
         self.scene = scene
         self._fine.update(scene)
         if self._coarse is not None and scene.coarse is not None:

@@ -1,8 +1,15 @@
 """Vectors of three float32 (last axis 3) under the numeric contract: every operation rounds once and is flushed."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from golden_model.floats import difference_of_products, flush, quiet
+
+
+def vector(values: Sequence[float] | np.ndarray) -> np.ndarray:
+    """(3,) float32."""
+    return np.array(values, dtype=np.float32)
 
 
 @quiet

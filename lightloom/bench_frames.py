@@ -6,7 +6,7 @@ from pathlib import Path
 from golden_model.charts import unwrap
 from golden_model.mesh_charts import default_cache
 from golden_model.renderer import Renderer
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from golden_model.structure import Structure
 from lightloom.bench_tracing import BUNNY, installed
 

@@ -12,7 +12,7 @@ from golden_model.bvh import build
 from golden_model.errors import InputError
 from golden_model.ray_families import diffuse_rays
 from golden_model.recorder import TestRecorder
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from golden_model.traversal import backend_of, trace
 
 BUNNY = Path("build/meshes/bunny.obj")

@@ -16,7 +16,7 @@ import numpy as np
 from golden_model import bitpack
 from golden_model.formats import RAY_QUERY
 from golden_model.ray_families import RAY_FAMILIES, diffuse_rays, texel_rays
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from golden_model.wide_bvh import build_wide
 from golden_model.wide_traversal import COUNTS, queries_of, trace_tree
 from lightloom.bench_tracing import BUNNY

@@ -35,7 +35,7 @@ def ray_triangle_vectors(sizes: Sizes) -> Iterator[Row]:
     from golden_model.ray_families import diffuse_rays
     from golden_model.ray_setup import ray_setup
     from golden_model.ray_triangle import ray_triangle, triangle_tests
-    from golden_model.scene import load_scene
+    from golden_model.scene_load import load_scene
     from sim.bulk import BulkUnit
 
     triangles = load_scene("cornell-box").triangles

@@ -44,7 +44,7 @@ def demo(options: DemoOptions, out: Path, progress: Progress) -> dict[str, Any]:
     from golden_model.gather import Sampling
     from golden_model.recorder import TestRecorder
     from golden_model.renderer import Renderer
-    from golden_model.scene import load_scene
+    from golden_model.scene_load import load_scene
     from golden_model.traversal import backend_of
     from lightloom.emission import emit_units
     from lightloom.machine import machine, versions

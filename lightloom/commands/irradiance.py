@@ -37,7 +37,8 @@ def irradiance(
     from golden_model.errors import InputError
     from golden_model.irradiance import irradiance as converged
     from golden_model.outputs import whole_file
-    from golden_model.scene import load_scene, require_light
+    from golden_model.scene import require_light
+    from golden_model.scene_load import load_scene
     from golden_model.traversal import BACKENDS, trace
     from golden_model.vectors import normalize
     from lightloom.console import Progress, print_json, print_table

@@ -39,7 +39,7 @@ def pack(
     from golden_model.errors import InputError
     from golden_model.memory_image import pack_image
     from golden_model.outputs import whole_file
-    from golden_model.scene import load_scene
+    from golden_model.scene_load import load_scene
     from golden_model.wide_bvh import widen
     from lightloom.console import Progress, print_json, print_table
 

@@ -106,7 +106,8 @@ def policies(
     from golden_model.charts import unwrap
     from golden_model.mesh_charts import default_cache
     from golden_model.outputs import whole_folder
-    from golden_model.scene import load_scene, require_light
+    from golden_model.scene import require_light
+    from golden_model.scene_load import load_scene
     from golden_model.structure import Structure
     from lightloom.console import Progress, print_json, print_table
     from lightloom.policies import Comparison, write_comparison

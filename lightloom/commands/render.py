@@ -135,7 +135,8 @@ def render(
     from golden_model.outputs import whole_folder
     from golden_model.rasterizer import Rasterization
     from golden_model.renderer import Pipeline, Renderer
-    from golden_model.scene import load_scene, require_light
+    from golden_model.scene import require_light
+    from golden_model.scene_load import load_scene
     from golden_model.structure import Structure
     from lightloom.console import Progress, json_text, print_json, print_table
     from lightloom.machine import machine

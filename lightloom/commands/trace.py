@@ -52,7 +52,7 @@ def trace(
 
     from golden_model.formats import RAY
     from golden_model.outputs import whole_file
-    from golden_model.scene import load_scene
+    from golden_model.scene_load import load_scene
     from lightloom.console import Progress, print_json, print_table
     from lightloom.inputs import read_arrays, save_arrays
     from lightloom.tracing import golden_tracer, rtl_tracer

@@ -5,13 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from golden_model.assemble import assemble
 from golden_model.camera import View, look_at
 from golden_model.charts import unwrap
 from golden_model.collector import Collector, Packing
 from golden_model.formats import POINT_LIGHT
 from golden_model.lightmap import Lightmaps
+from golden_model.parts import Part
 from golden_model.rasterizer import Mesh, draw
-from golden_model.scene import Part, Scene, assemble
+from golden_model.scene import Scene
 from golden_model.shading import Surfaces
 from golden_model.shapes import icosphere, quad_triangles
 from golden_model.structure import Structure

@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from golden_model.formats import RAY
-from golden_model.scene import Scene, load_scene
+from golden_model.scene import Scene
+from golden_model.scene_load import load_scene
 
 ROOM = """
 texel_size = 0.25

@@ -6,17 +6,20 @@ from typing import Any
 
 import numpy as np
 
+from golden_model.assemble import assemble
 from golden_model.camera import View, look_at
 from golden_model.charts import unwrap
 from golden_model.cornell_box import cornell_box, cornell_box_parts
 from golden_model.formats import TEXEL_STATE
 from golden_model.lightmap import Lightmaps, bilinear_taps
-from golden_model.motion import moved_records
+from golden_model.motion import moved_records, scene_at
+from golden_model.parts import Part
 from golden_model.paths import ObjectKey, ObjectPath
 from golden_model.rasterizer import rasterize
-from golden_model.scene import Camera, Part, Scene, assemble, vector
+from golden_model.scene import Camera, Scene
 from golden_model.selection import FrameContext
 from golden_model.structure import Structure
+from golden_model.vectors import vector
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 
@@ -30,17 +33,17 @@ class Stage:
     structure: Structure
 
     def draw(self, camera: Camera, frame: int, width: int, height: int) -> tuple[View, np.ndarray]:
-        scene = self.scene.at(frame)
+        scene = scene_at(self.scene, frame)
         view = look_at(camera.position, camera.target, camera.up, camera.fov_y_tan, width, height)
         return view, rasterize(view, scene.triangles, scene.normals, scene.object_id, self.lightmaps.uv)
 
     def context(self, frame: int = 0, size: int = 64, state: np.ndarray | None = None, **more: Any) -> FrameContext:
-        scene = self.scene.at(frame)
+        scene = scene_at(self.scene, frame)
         self.structure.update(scene)
         view, gbuffer = self.draw(scene.camera, frame, size, size)
         fields: dict[str, Any] = {
             "frame": frame,
-            "before": self.scene.at(max(frame - 1, 0)),
+            "before": scene_at(self.scene, max(frame - 1, 0)),
             "after": scene,
             "lightmaps": moved_records(self.lightmaps, scene),
             "state": self.state() if state is None else state,
@@ -58,7 +61,7 @@ class Stage:
 
 
 def stage(scene: Scene) -> Stage:
-    structure = Structure(scene.at(0))
+    structure = Structure(scene_at(scene, 0))
     return Stage(scene=scene, lightmaps=unwrap(scene, trace=Structure(scene).trace), structure=structure)
 
 

@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 from golden_model import bvh, mesh_charts, traversal
+from golden_model.assemble import assemble
 from golden_model.charts import object_charts, unwrap
 from golden_model.errors import InputError
 from golden_model.lightmap import (
@@ -22,9 +23,11 @@ from golden_model.lightmap import (
     lightmap_coordinates,
 )
 from golden_model.mesh import area_vectors
+from golden_model.parts import Part
 from golden_model.planar_charts import GAP, pack, planar_pieces
 from golden_model.ray_offset import lift
-from golden_model.scene import Part, Scene, assemble, load_scene
+from golden_model.scene import Scene
+from golden_model.scene_load import load_scene
 from golden_model.texel_records import texel_records
 from golden_model.tracer import Trace
 from golden_model.vectors import interpolate

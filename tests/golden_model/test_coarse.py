@@ -11,10 +11,13 @@ from golden_model.coarse import coarse_links, decimated, fine_triangles
 from golden_model.formats import RAY
 from golden_model.lightmap import VALID
 from golden_model.mesh import area_vectors
+from golden_model.motion import scene_at
 from golden_model.nearest import nearest
-from golden_model.scene import Part, Scene, vector
+from golden_model.parts import Part
+from golden_model.scene import Scene
 from golden_model.shading import Surfaces, diffuse_radiance
 from golden_model.structure import Structure
+from golden_model.vectors import vector
 from tests.golden_model.moving_scenes import MOVING, ROOM, rays_through, scene_of
 
 SEED = 20250312
@@ -144,7 +147,7 @@ def test_coarse_hits_show_what_fine_ones_do(ball: Scene) -> None:
 def test_coarse_geometry_moves_along(tmp_path: Path) -> None:
     scene = scene_of(tmp_path, MOVING)
     for frame in (0, 5, 9):
-        moved = scene.at(frame)
+        moved = scene_at(scene, frame)
         assert moved.coarse is not None
         assert moved.coarse.present.tolist() == moved.present.tolist()
         for number in range(len(scene.object_names)):
@@ -154,7 +157,7 @@ def test_coarse_geometry_moves_along(tmp_path: Path) -> None:
             if moved.present[number]:
                 assert np.allclose(fine.mean(axis=(0, 1)), coarse.mean(axis=(0, 1)), atol=0.01)
         assert (fine_triangles(moved) == fine_triangles(scene)).all()
-        assert moved.coarse.at(3).frame == 3
+        assert scene_at(moved.coarse, 3).frame == 3
 
 
 @pytest.mark.parametrize("faces", [False, True])

@@ -15,7 +15,7 @@ from golden_model.collector import (
 )
 from golden_model.errors import InputError
 from golden_model.formats import HIT, RAY
-from golden_model.scene import MIRROR
+from golden_model.parts import MIRROR
 from golden_model.structure import Structure
 from tests.golden_model.frame_scenes import ball, room, scene_of
 

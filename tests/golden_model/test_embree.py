@@ -8,7 +8,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
 from golden_model.bvh import build
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from golden_model.traversal import trace
 from tests.golden_model import meshes
 from verif import ray_vectors

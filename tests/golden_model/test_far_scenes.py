@@ -5,13 +5,16 @@ from functools import cache
 import numpy as np
 import pytest
 
+from golden_model.assemble import assemble
 from golden_model.charts import unwrap
 from golden_model.lightmap import VALID
+from golden_model.parts import Part
 from golden_model.reference import Reference
 from golden_model.renderer import Renderer
-from golden_model.scene import Camera, Part, Scene, assemble, vector
+from golden_model.scene import Camera, Scene
 from golden_model.shading import readable
 from golden_model.structure import Structure
+from golden_model.vectors import vector
 
 QUADS = {
     "floor": [[-3, 0, 3], [3, 0, 3], [3, 0, -3], [-3, 0, -3]],

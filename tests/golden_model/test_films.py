@@ -14,8 +14,11 @@ from golden_model.errors import InputError
 from golden_model.formats import RAY
 from golden_model.irradiance import irradiance
 from golden_model.lightmap import VALID, Lightmaps, bilinear_taps
+from golden_model.motion import scene_at
+from golden_model.parts import DIFFUSE, GLASS, MIRROR
 from golden_model.rasterizer import Mesh, draw
-from golden_model.scene import DIFFUSE, GLASS, MIRROR, RenderDefaults, Scene, load_scene
+from golden_model.scene import RenderDefaults, Scene
+from golden_model.scene_load import load_scene
 from golden_model.structure import Structure
 
 SCENES = Path(__file__).parents[2] / "scenes"
@@ -38,7 +41,7 @@ class Film:
 
     def gbuffer(self, frame: int) -> np.ndarray:
         """What the camera sees, GBUFFER (H, W)."""
-        scene = self.scene.at(frame)
+        scene = scene_at(self.scene, frame)
         camera = scene.camera
         view = look_at(camera.position, camera.target, camera.up, camera.fov_y_tan, *SIZE)
         mesh = Mesh(
@@ -139,7 +142,7 @@ def test_the_introduced_object_throws_its_reflection_on_the_shaded_part() -> Non
     point = np.array([[-0.6, 0.6, 0.0]], dtype=np.float32) + np.float32(0.41) * side
     light = []
     for frame in (0, 30, 50, 90):
-        posed = scene.at(frame)
+        posed = scene_at(scene, frame)
         light.append(irradiance(posed, Structure(posed).trace, point, side[None], samples=512)[0])
     red = np.array(light)[:, 0]
     assert red[2] > 2 * red[0], "reflection 540"
@@ -152,10 +155,10 @@ def test_the_lamp_is_switched_between_two_frames_and_the_window_stays() -> None:
     evening = film("light-switch")
     material = {name: int(np.flatnonzero(evening.scene.material_object == evening.of(name))[0]) for name in
                 ("lamp", "window")}  # fmt: skip
-    lamp = [float(evening.scene.at(frame).emission[material["lamp"], 0]) for frame in (31, 32, 63, 64)]
+    lamp = [float(scene_at(evening.scene, frame).emission[material["lamp"], 0]) for frame in (31, 32, 63, 64)]
     assert lamp == [lamp[0], 0, 0, lamp[0]]
     assert lamp[0] > 0
-    window = [evening.scene.at(frame).emission[material["window"]].tolist() for frame in (0, 40)]
+    window = [scene_at(evening.scene, frame).emission[material["window"]].tolist() for frame in (0, 40)]
     assert window[0] == window[1]
     assert min(window[0]) > 0
 
@@ -167,7 +170,7 @@ def test_no_light_passes_the_door_while_it_is_shut() -> None:
     direction = generator.normal(size=(40_000, 3))
 
     def through(frame: int) -> int:
-        posed = scene.at(frame)
+        posed = scene_at(scene, frame)
         hits = Structure(posed).trace(rays(origin, direction))
         met = hits["primitive"] >= 0
         reached = origin[met, 2] + hits["t"][met] * direction[met, 2]
@@ -189,12 +192,12 @@ def test_a_ball_goes_round_between_mirror_and_glass_and_touches_neither() -> Non
         return middle, float(np.sqrt(((points - middle) ** 2).sum(axis=1)).max())
 
     for frame in range(0, 96, 4):
-        scene = room.at(frame)
+        scene = scene_at(room, frame)
         (ball, own), (mirror, first), (glass, second) = (extent(scene, name) for name in ("ball", "mirror", "glass"))
         assert np.linalg.norm(ball - mirror) > own + first
         assert np.linalg.norm(ball - glass) > own + second
         assert ball[1] >= own - 1e-6, "on the floor"
-    assert room.at(96).triangles.tobytes() == room.at(0).triangles.tobytes(), "once around"
+    assert scene_at(room, 96).triangles.tobytes() == scene_at(room, 0).triangles.tobytes(), "once around"
     assert room.textures, "the floor's"
 
 
@@ -204,7 +207,7 @@ def test_the_bunny_goes_round_with_the_table_that_carries_it() -> None:
     bunny, table = (scene.object_names.index(name) for name in ("bunny", "turntable"))
     side = []
     for frame in range(0, 97, 8):
-        posed = scene.at(frame)
+        posed = scene_at(scene, frame)
         assert (posed.rotation[bunny] == posed.rotation[table]).all(), f"frame {frame}"
         side.append(posed.rotation[bunny][0])
     turns = [float(np.dot(a, b)) for a, b in itertools.pairwise(side)]
@@ -222,7 +225,7 @@ def test_render_defaults_are_optional(tmp_path: Path) -> None:
     path.write_text(BOX)
     assert load_scene(path).render == RenderDefaults()
     path.write_text("[render]\nsize = [320, 200]\n" + BOX)
-    assert load_scene(path).at(3).render == RenderDefaults(size=(320, 200))
+    assert scene_at(load_scene(path), 3).render == RenderDefaults(size=(320, 200))
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
 from golden_model.mesh_files import load_mesh
-from golden_model.scene import DEFAULT_ALBEDO, Part
+from golden_model.parts import DEFAULT_ALBEDO, Part
 from tests.golden_model.random_gltf import Expected, RandomFile
 
 SEED = 13_000_000

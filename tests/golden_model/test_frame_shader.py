@@ -11,8 +11,8 @@ from golden_model.collector import FRAGMENT_SHADING, FRAME_SHADER, Packing
 from golden_model.errors import InputError
 from golden_model.frame_shader import FrameRays, FrameShading, trace_frame
 from golden_model.lights import lights_of
+from golden_model.parts import GLASS, MIRROR, Part
 from golden_model.ray_buffer import RayBuffer
-from golden_model.scene import GLASS, MIRROR, Part
 from golden_model.shading import ray_weights, shade_pixels
 from golden_model.structure import Structure
 from tests.golden_model.frame_scenes import Frame, ball, flat_light, quad, room, scene_of, seen_from

@@ -26,7 +26,8 @@ from pygltflib import (
 from golden_model import gltf_file
 from golden_model.errors import InputError, InputWarning
 from golden_model.mesh_files import load_mesh
-from golden_model.scene import DEFAULT_ALBEDO, Part, load_scene
+from golden_model.parts import DEFAULT_ALBEDO, Part
+from golden_model.scene_load import load_scene
 from tests.golden_model.gltf_files import FLOOR, LAMP, QUAD, Writer, primitive, room
 
 FLOOR_TRIANGLES = np.array(FLOOR)[QUAD].reshape(-1, 3, 3).tolist()

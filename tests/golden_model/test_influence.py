@@ -5,16 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from golden_model.assemble import assemble
 from golden_model.footprints import footprints
 from golden_model.formats import INFLUENCE, TEXEL
 from golden_model.influence import FOOTPRINT, SHADOW, VOLUME, volumes
 from golden_model.influenced import loose_bounds, texel_levels, touched
 from golden_model.lightmap import VALID
-from golden_model.motion import moved_records
+from golden_model.motion import moved_records, scene_at
+from golden_model.parts import DIFFUSE, MIRROR, Part
 from golden_model.policy import Policy
-from golden_model.scene import DIFFUSE, MIRROR, Camera, Part, Scene, assemble, vector
+from golden_model.scene import Camera, Scene
 from golden_model.scene_changes import bounds, moved_objects, sources, table_of
 from golden_model.structure import Structure
+from golden_model.vectors import vector
 from tests.golden_model.selection_scenes import Stage, key, path_of, plate, visited
 
 BASE = Policy(
@@ -31,11 +34,11 @@ def levels(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """INFLUENCE of a frame after another (the one before it), change levels of texels, and which texels are valid."""
     before = frame - 1 if before is None else before
-    scene = stage.scene.at(frame)
+    scene = scene_at(stage.scene, frame)
     maps = moved_records(stage.lightmaps, scene)
     valid = maps.texels["state"] == VALID
     table = table_of(stage.scene)
-    records = volumes(table, stage.scene.at(before), scene, policy)
+    records = volumes(table, scene_at(stage.scene, before), scene, policy)
     return records, texel_levels(records, loose_bounds(table, scene, policy), maps, valid), valid
 
 
@@ -45,7 +48,7 @@ def of_object(stage: Stage, name: str) -> np.ndarray:
 
 def test_changes_between_frames() -> None:
     def moved(frame: int) -> list[tuple[int, float]]:
-        pair = STAGE.scene.at(frame - 1), STAGE.scene.at(frame)
+        pair = scene_at(STAGE.scene, frame - 1), scene_at(STAGE.scene, frame)
         return [(item.object, round(item.motion, 3)) for item in moved_objects(TABLE, *pair)]
 
     step = 110 / float((TABLE.high[GUEST] - TABLE.low[GUEST]).max())
@@ -53,23 +56,23 @@ def test_changes_between_frames() -> None:
     assert moved(15) == []
     assert moved(20) == [(GUEST, 1.0)]
     assert moved(25) == []
-    assert moved_objects(TABLE, STAGE.scene.at(3), STAGE.scene.at(3)) == []
-    lit = sources(TABLE, STAGE.scene.at(0))
+    assert moved_objects(TABLE, scene_at(STAGE.scene, 3), scene_at(STAGE.scene, 3)) == []
+    lit = sources(TABLE, scene_at(STAGE.scene, 0))
     assert [source.object for source in lit] == [LAMP]
     emission = STAGE.scene.emission.astype(np.float64).max(axis=0)
     grey = (emission[0] + 2 * emission[1] + emission[2]) / 4
     assert lit[0].power == pytest.approx(np.pi * grey * 130 * 105, rel=1e-6)
-    assert sources(TABLE, STAGE.scene.at(30)) == []
+    assert sources(TABLE, scene_at(STAGE.scene, 30)) == []
 
 
 @pytest.mark.parametrize("frame", [0, 5, 15])
 def test_bounds_hold_every_vertex(frame: int) -> None:
-    scene = STAGE.scene.at(frame)
+    scene = scene_at(STAGE.scene, frame)
     for number in range(len(scene.object_names)):
         box, corners = bounds(TABLE, scene, number), scene.corners[scene.object_id == number]
         assert (corners >= box.low - 1e-3).all()
         assert (corners <= box.high + 1e-3).all()
-    assert (bounds(TABLE, STAGE.scene.at(25), GUEST).low == np.inf).all()
+    assert (bounds(TABLE, scene_at(STAGE.scene, 25), GUEST).low == np.inf).all()
 
 
 def test_influence_starts_grows_shrinks_and_stops_with_the_overlap() -> None:
@@ -117,7 +120,10 @@ def test_reach_is_asymmetric_by_what_faces_each_side() -> None:
         flat = replace(plate("flat", albedo), surface=surface, path=path_of(key(0, (0, 0, 0)), key(1, (5, 0, 0))))
         scene = room(flat, lamp())
         record = volumes(
-            table_of(scene), scene.at(0), scene.at(1), replace(BASE, influence_hiding=hiding, shadows=False)
+            table_of(scene),
+            scene_at(scene, 0),
+            scene_at(scene, 1),
+            replace(BASE, influence_hiding=hiding, shadows=False),
         )[0]
         assert record["object"] == 0
         return float(record["reach_low"][1]), float(record["reach_high"][1]), float(record["reach_high"][0])
@@ -136,7 +142,9 @@ def test_reach_is_asymmetric_by_what_faces_each_side() -> None:
 def test_slow_motion_causes_lower_levels() -> None:
     def level(step: float) -> int:
         scene = room(replace(plate("flat", 0.8), path=path_of(key(0, (0, 0, 0)), key(1, (step, 0, 0)))), lamp())
-        return int(volumes(table_of(scene), scene.at(0), scene.at(1), replace(BASE, shadows=False))[0]["level"])
+        return int(
+            volumes(table_of(scene), scene_at(scene, 0), scene_at(scene, 1), replace(BASE, shadows=False))[0]["level"]
+        )
 
     # A side is 2 long and motion adds up over 8 frames: levels 2 and 3 begin at 1/8 and 1/2 of the size.
     assert [level(step) for step in (0.01, 0.04, 0.2)] == [1, 2, 3]
@@ -146,7 +154,7 @@ def test_shadows_reach_texels_behind_what_moved_and_no_others() -> None:
     policy = replace(BASE, influence_ahead=0)
     records, found, valid = levels(STAGE, 20, policy)
     assert records["kind"].tolist() == [VOLUME, SHADOW]
-    only = texel_levels(records[1:], loose_bounds(TABLE, STAGE.scene.at(20), policy), STAGE.lightmaps, valid)
+    only = texel_levels(records[1:], loose_bounds(TABLE, scene_at(STAGE.scene, 20), policy), STAGE.lightmaps, valid)
     floor = of_object(STAGE, "floor") & valid
     place = STAGE.lightmaps.texels["position"]
     # Straight from the middle of the lamp through the box to the floor: computed point by point along the way.
@@ -202,10 +210,10 @@ def test_records_are_bounded_and_joining_loses_nothing() -> None:
     for most in (64, 16, 4, 2):
         policy = replace(BASE, influence_records=most)
         table = table_of(scene)
-        records = volumes(table, scene.at(0), scene.at(1), policy)
+        records = volumes(table, scene_at(scene, 0), scene_at(scene, 1), policy)
         assert len(records) == min(most, 24)
         assert (records["kind"] == SHADOW).sum() == min(most, 24) // 2
-        boxes = loose_bounds(table, scene.at(1), policy)
+        boxes = loose_bounds(table, scene_at(scene, 1), policy)
         found.append(texel_levels(records, boxes, lightmaps, np.ones(400, dtype=bool)))
     assert 0 < (found[0] > 0).sum() < 400
     for fewer in found[1:]:
@@ -215,11 +223,11 @@ def test_records_are_bounded_and_joining_loses_nothing() -> None:
 def test_maps_out_of_reach_are_not_looked_at_texel_by_texel() -> None:
     policy = replace(BASE, influence_slack=0, shadows=False)
     records, found, _ = levels(STAGE, 4, policy)
-    reached = touched(records, loose_bounds(TABLE, STAGE.scene.at(4), policy))[0]
+    reached = touched(records, loose_bounds(TABLE, scene_at(STAGE.scene, 4), policy))[0]
     assert 0 < reached.sum() < len(reached)
     assert not reached[STAGE.scene.object_names.index("back wall")]
     assert set(np.unique(STAGE.lightmaps.texels["object"][found > 0])) <= set(np.flatnonzero(reached).tolist())
-    absent = loose_bounds(TABLE, STAGE.scene.at(25), policy)
+    absent = loose_bounds(TABLE, scene_at(STAGE.scene, 25), policy)
     everywhere = np.zeros(1, dtype=INFLUENCE)
     everywhere["low"], everywhere["high"], everywhere["surface"] = -1e6, 1e6, -1
     assert not touched(everywhere, absent)[0, GUEST]
@@ -227,7 +235,7 @@ def test_maps_out_of_reach_are_not_looked_at_texel_by_texel() -> None:
 
 def test_footprints_lie_where_rays_from_the_faces_meet_surfaces() -> None:
     policy = replace(BASE, influence="footprints", shadows=False)
-    pair = STAGE.scene.at(19), STAGE.scene.at(20)
+    pair = scene_at(STAGE.scene, 19), scene_at(STAGE.scene, 20)
     trace = Structure(pair[1]).trace
     assert len(volumes(TABLE, *pair, policy)) == 0
     records, rays = footprints(TABLE, *pair, policy, trace, 1000)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from golden_model.irradiance import irradiance
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from golden_model.structure import Structure
 
 GROUND = """

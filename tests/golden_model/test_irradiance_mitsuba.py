@@ -7,9 +7,12 @@ import pytest
 import trimesh
 
 from golden_model import bvh, traversal
+from golden_model.assemble import assemble
 from golden_model.formats import POINT_LIGHT, RAY
 from golden_model.irradiance import irradiance
-from golden_model.scene import Part, Scene, assemble, load_scene
+from golden_model.parts import Part
+from golden_model.scene import Scene
+from golden_model.scene_load import load_scene
 from golden_model.tracer import Trace
 from tests.golden_model.mitsuba_scenes import mitsuba, mitsuba_irradiance
 

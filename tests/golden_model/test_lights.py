@@ -6,12 +6,15 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
+from golden_model.assemble import assemble
 from golden_model.brute_force import trace_brute_force
 from golden_model.directions import cosine_table, tangent_of, to_world
 from golden_model.formats import POINT_LIGHT, RAY
 from golden_model.lights import WEIGHT_BITS, Lights, direct_candidates, lights_of, met_emission
+from golden_model.parts import Part
 from golden_model.ray_offset import ray_start
-from golden_model.scene import Part, Scene, assemble, load_scene
+from golden_model.scene import Scene
+from golden_model.scene_load import load_scene
 
 SEED = 20250103
 UP = np.array([0, 1, 0], dtype=np.float32)

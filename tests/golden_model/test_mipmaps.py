@@ -12,7 +12,7 @@ from golden_model.floats import half_to_float
 from golden_model.lightmap import EMPTY, VALID, Lightmaps, bilinear, filled, levels_of, lightmap_coordinates, sample
 from golden_model.mipmaps import renew_levels
 from golden_model.regions import regions_of
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from tests.golden_model.meshes import torus
 from tests.golden_model.test_charts import scene_of, surface_points
 from tests.golden_model.test_publish import maps_of, ragged_maps

@@ -11,7 +11,7 @@ from golden_model import bvh, traversal
 from golden_model.charts import unwrap
 from golden_model.cornell_box import cornell_box
 from golden_model.lightmap import BURIED, EMPTY, VALID, Lightmaps
-from golden_model.motion import Kind, changes, moved_records, posed
+from golden_model.motion import moved_records, posed, scene_at
 from golden_model.scene import Scene, require_light
 from tests.golden_model.moving_scenes import MOVING, ROOM, scene_of
 
@@ -33,47 +33,47 @@ def of(scene: Scene, name: str) -> np.ndarray:
 
 def test_a_static_scene_is_its_own_frames() -> None:
     scene = cornell_box()
-    frame = scene.at(30)
+    frame = scene_at(scene, 30)
     assert not scene.dynamic
     assert frame.camera.position.tolist() == scene.camera_path[1].position.tolist()
     for name in ("triangles", "normals", "emission", "point_lights", "rotation"):
         assert getattr(frame, name) is getattr(scene, name), name
-    assert frame.at(0).camera.position.tolist() == scene.camera.position.tolist()
+    assert scene_at(frame, 0).camera.position.tolist() == scene.camera.position.tolist()
 
 
 def test_a_scene_without_any_path_is_the_same_object(tmp_path: Path) -> None:
     scene = scene_of(tmp_path, ROOM)
-    assert scene.at(17) is scene
+    assert scene_at(scene, 17) is scene
     assert scene.last_frame == 0
 
 
 def test_frames_can_be_asked_for_in_any_order(moving: Scene) -> None:
-    direct, detour = posed(moving, 7), moving.at(3).at(11).at(7)
+    direct, detour = posed(moving, 7), scene_at(scene_at(scene_at(moving, 3), 11), 7)
     for item in fields(Scene):
         one, other = getattr(direct, item.name), getattr(detour, item.name)
         if isinstance(one, np.ndarray):
             assert one.tobytes() == other.tobytes(), item.name
     assert detour.frame == 7
-    assert moving.at(7) is detour, "asked for a moment ago"
+    assert scene_at(moving, 7) is detour, "asked for a moment ago"
     assert detour.rest is moving
     assert moving.last_frame == 12
 
 
 def test_objects_go_where_their_keyframes_say(moving: Scene) -> None:
-    middle = of(moving.at(6), "ball").reshape(-1, 3)
+    middle = of(scene_at(moving, 6), "ball").reshape(-1, 3)
     assert np.allclose((middle.min(axis=0) + middle.max(axis=0)) / 2, [0.5, 1.25, 0.5], atol=0.02)
     assert np.allclose(np.linalg.norm(middle - [0.5, 1.25, 0.5], axis=1), 0.7, atol=1e-6), "still a ball"
-    assert (of(moving.at(12), "ball") == of(moving, "ball")).all(), "the loop ends where it began"
+    assert (of(scene_at(moving, 12), "ball") == of(moving, "ball")).all(), "the loop ends where it began"
     # The door turns by 90 degrees about its edge at x = 2, z = -1: from along -x to along +z.
-    door = of(moving.at(6), "door").reshape(-1, 3)
+    door = of(scene_at(moving, 6), "door").reshape(-1, 3)
     assert np.allclose(door.min(axis=0), [1.95, 0, -1], atol=1e-6)
     assert np.allclose(door.max(axis=0), [2.05, 2, 0], atol=1e-6)
     for name in ("floor", "wall", "lamp"):
-        assert of(moving.at(6), name).tobytes() == of(moving, name).tobytes(), name
+        assert of(scene_at(moving, 6), name).tobytes() == of(moving, name).tobytes(), name
 
 
 def test_normals_turn_with_their_triangles(moving: Scene) -> None:
-    frame = moving.at(5)
+    frame = scene_at(moving, 5)
     corners = of(frame, "ball").astype(np.float64)
     normals = frame.normals[frame.object_id == frame.object_names.index("ball")]
     middle = corners.reshape(-1, 3)
@@ -83,18 +83,18 @@ def test_normals_turn_with_their_triangles(moving: Scene) -> None:
 
 
 def test_absent_objects_are_nowhere(moving: Scene) -> None:
-    frame = moving.at(9)
+    frame = scene_at(moving, 9)
     assert np.isnan(of(frame, "door")).all()
     assert frame.present.tolist() == [name != "door" for name in frame.object_names]
-    assert np.isfinite(of(moving.at(11), "door")).all()
+    assert np.isfinite(of(scene_at(moving, 11), "door")).all()
 
 
 def test_emission_and_lights_follow_their_keyframes(moving: Scene) -> None:
     lamp = moving.object_names.index("lamp")
-    assert moving.at(0).emission[moving.material_object == lamp].tolist() == [[8, 6, 4]]
-    assert moving.at(6).emission[moving.material_object == lamp].tolist() == [[5, 3.75, 2.5]]
-    assert moving.at(99).glow[lamp] == 0.25
-    light = moving.at(5).point_lights[0]
+    assert scene_at(moving, 0).emission[moving.material_object == lamp].tolist() == [[8, 6, 4]]
+    assert scene_at(moving, 6).emission[moving.material_object == lamp].tolist() == [[5, 3.75, 2.5]]
+    assert scene_at(moving, 99).glow[lamp] == 0.25
+    light = scene_at(moving, 5).point_lights[0]
     assert light["position"].tolist() == [1, 2, 2]
     assert light["intensity"].tolist() == [0.5, 1.5, 2.5]
 
@@ -123,9 +123,9 @@ frame = 3
 intensity = [7, 0, 0]
 """
     scene = scene_of(tmp_path, ROOM + far)
-    assert (scene.spans == scene.at(10).spans).all()
+    assert (scene.spans == scene_at(scene, 10).spans).all()
     for frame in range(0, 13, 2):
-        moved = scene.at(frame)
+        moved = scene_at(scene, frame)
         assert np.nanmax(np.abs(moved.corners)) <= scene.reach
         assert moved.emission.max() <= scene.brightest
         assert moved.point_lights["intensity"].max(initial=0) <= scene.brightest_lights
@@ -137,10 +137,10 @@ intensity = [7, 0, 0]
 def test_records_move_with_their_objects(moving: Scene, maps: Lightmaps) -> None:
     ball = moving.object_names.index("ball")
     for frame in (0, 5, 9):
-        moved = moved_records(maps, moving.at(frame))
+        moved = moved_records(maps, scene_at(moving, frame))
         texels = moved.texels[moved.texels["object"] == ball]
         texels = texels[texels["state"] == VALID]
-        corners = of(moving.at(frame), "ball").reshape(-1, 3)
+        corners = of(scene_at(moving, frame), "ball").reshape(-1, 3)
         centre = (corners.min(axis=0) + corners.max(axis=0)) / 2
         out = texels["position"] - centre
         assert len(texels) > 50
@@ -154,10 +154,10 @@ def test_records_move_with_their_objects(moving: Scene, maps: Lightmaps) -> None
 def test_absent_objects_have_no_valid_texels(moving: Scene, maps: Lightmaps) -> None:
     door = maps.texels["object"] == moving.object_names.index("door")
     assert (maps.texels["state"][door] == VALID).any()
-    gone = moved_records(maps, moving.at(9))
+    gone = moved_records(maps, scene_at(moving, 9))
     assert not (gone.texels["state"][door] == VALID).any()
     assert (gone.texels["state"][~door] == maps.texels["state"][~door]).all()
-    back = moved_records(maps, moving.at(11))
+    back = moved_records(maps, scene_at(moving, 11))
     assert (back.texels["state"] == maps.texels["state"]).all()
 
 
@@ -187,52 +187,3 @@ def test_mirrors_and_glass_have_no_texels(tmp_path: Path) -> None:
     assert mine.sum() == 1
     assert maps.texels["state"][mine] == EMPTY
     assert maps.fill[mine] == -1
-
-
-# --- changes ------------------------------------------------------------------------------------------------------
-
-
-def test_changes_name_what_differs(moving: Scene) -> None:
-    names = moving.object_names
-    found = {names[c.object] if c.object >= 0 else "light": c for c in changes(moving.at(8), moving.at(9))}
-    assert {name: c.kind for name, c in found.items()} == {
-        "ball": Kind.MOVED,
-        "door": Kind.VANISHED,
-        "light": Kind.MOVED | Kind.RELIT,
-    }
-    door, ball = found["door"], found["ball"]
-    assert door.after is None
-    assert door.before is not None
-    assert np.allclose(door.before[1] - door.before[0], [0.1, 2, 1], atol=1e-6)
-    assert ball.before is not None
-    assert ball.after is not None
-    corners = of(moving.at(9), "ball").reshape(-1, 3)
-    assert ball.after.tolist() == [corners.min(axis=0).tolist(), corners.max(axis=0).tolist()]
-    assert ball.albedo == np.float32(0.7)
-    assert found["light"].light == 0
-
-
-def test_changes_of_emission_tell_how_much(moving: Scene) -> None:
-    (lamp,) = [c for c in changes(moving.at(4), moving.at(8)) if c.object == moving.object_names.index("lamp")]
-    assert lamp.kind == Kind.RELIT
-    assert (lamp.emission, lamp.difference) == (8, 6)
-    assert lamp.before is not None
-    assert lamp.after is not None
-    assert lamp.before.tolist() == lamp.after.tolist()
-
-
-def test_what_appears_and_shines_is_both(tmp_path: Path) -> None:
-    lamp = '[[box]]\nname = "bulb"\ncenter = [0, 1, 0]\nsize = [1, 1, 1]\nemission = [3, 2, 1]\n'
-    path = "[[box.path]]\nframe = 0\npresent = false\n[[box.path]]\nframe = 5\npresent = true\n"
-    scene = scene_of(tmp_path, ROOM + lamp + path)
-    (bulb,) = changes(scene.at(4), scene.at(5))
-    assert bulb.kind == Kind.APPEARED | Kind.RELIT
-    assert bulb.before is None
-    assert bulb.difference == 3
-    assert changes(scene.at(5), scene.at(6)) == []
-    assert changes(scene.at(0), scene.at(4)) == []
-
-
-def test_nothing_changes_in_a_static_scene() -> None:
-    scene = cornell_box()
-    assert changes(scene.at(0), scene.at(60)) == []

@@ -11,7 +11,7 @@ import pytest
 from golden_model.errors import InputError, InputWarning
 from golden_model.mesh import area_vectors
 from golden_model.mesh_files import load_mesh
-from golden_model.scene import DEFAULT_ALBEDO, Part
+from golden_model.parts import DEFAULT_ALBEDO, Part
 
 TRIANGLE = "v 0 5 0\nv -1 0 -1\nv -1 0 1\nv 1 0 1\nf 2 3 4\n"
 PAINTED = "mtllib {}\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\nusemtl l\nf 1 3 2\n"

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from golden_model.paths import LightKey, LightPath, ObjectKey, ObjectPath, light_at, object_pose, rotated, rotation_of
-from golden_model.scene import vector
+from golden_model.vectors import vector
 
 QUARTER = (0.5**0.5, 0, 0.5**0.5, 0)
 numbers = st.floats(-10, 10, width=32, allow_subnormal=False)

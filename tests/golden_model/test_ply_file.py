@@ -11,7 +11,7 @@ import pytest
 from golden_model.errors import InputError, InputWarning
 from golden_model.mesh import area_vectors
 from golden_model.mesh_files import load_mesh
-from golden_model.scene import Part
+from golden_model.parts import Part
 
 POINTS: list[list[float]] = [[0, 0, 0], [2, 1, 0], [0, 4, 0], [1, 1, 0], [5, 0, 0.5]]
 FACES = [[0, 4, 1], [0, 1, 2, 3], [1, 4, 2]]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from golden_model.lightmap import VALID
+from golden_model.parts import MIRROR
 from golden_model.preview import (
     BACKGROUND,
     NO_TEXEL,
@@ -14,7 +15,6 @@ from golden_model.preview import (
     preview,
     preview_colours,
 )
-from golden_model.scene import MIRROR
 from tests.golden_model.frame_scenes import ball, quad, room, scene_of, seen_from
 
 

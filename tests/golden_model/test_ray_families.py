@@ -23,7 +23,7 @@ from golden_model.ray_families import (
     texel_rays,
 )
 from golden_model.recorder import TestRecorder
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from golden_model.traversal import trace
 from tests.golden_model import meshes
 from tests.golden_model.test_traversal import assert_same

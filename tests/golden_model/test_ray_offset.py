@@ -19,10 +19,11 @@ from golden_model.formats import HIT, RAY, TRIANGLE
 from golden_model.hit_surface import surface_at
 from golden_model.lightmap import VALID
 from golden_model.lights import direct_candidates, lights_of
-from golden_model.motion import moved_records
+from golden_model.motion import moved_records, scene_at
 from golden_model.ray_setup import ray_setup
 from golden_model.ray_triangle import ray_triangle, triangle_tests
-from golden_model.scene import Scene, load_scene
+from golden_model.scene import Scene
+from golden_model.scene_load import load_scene
 from golden_model.structure import Structure
 from golden_model.traversal import trace
 
@@ -244,7 +245,7 @@ def test_no_ray_of_a_moving_bodys_texels_meets_the_body(tmp_path: Path, x: float
     lightmaps = unwrap(scene, trace=Structure(scene).trace)
     assert (lightmaps.texels["state"] == VALID).sum() > 200
     for frame in range(9):
-        moved = scene.at(frame)
+        moved = scene_at(scene, frame)
         records = moved_records(lightmaps, moved).texels
         rays = hemisphere_rays(records[records["state"] == VALID], cosine_table()[:64]).reshape(-1)
         hits = partial(trace, build(moved.triangles))(rays)

@@ -8,8 +8,9 @@ import pytest
 from golden_model.bvh import build
 from golden_model.formats import HIT, RAY
 from golden_model.lights import lights_of
+from golden_model.parts import GLASS, MIRROR
 from golden_model.ray_shading import direct_at_hits, direct_light, fresnel, scatter, shade_rays
-from golden_model.scene import GLASS, MIRROR, Scene
+from golden_model.scene import Scene
 from golden_model.shading import diffuse_radiance
 from golden_model.traversal import trace
 from golden_model.vectors import interpolate

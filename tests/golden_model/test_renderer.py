@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from golden_model.assemble import assemble
 from golden_model.bvh import build
 from golden_model.cornell_box import cornell_box
 from golden_model.errors import InputError
@@ -14,11 +15,13 @@ from golden_model.floats import half_to_float
 from golden_model.gather import Sampling
 from golden_model.irradiance import irradiance
 from golden_model.lightmap import VALID, bilinear, lightmap_coordinates
+from golden_model.parts import Part
 from golden_model.policy import POLICIES
 from golden_model.renderer import Pipeline, Renderer, render
-from golden_model.scene import Part, Scene, assemble, vector
+from golden_model.scene import Scene
 from golden_model.shading import readable
 from golden_model.traversal import trace
+from golden_model.vectors import vector
 
 COARSE = replace(cornell_box(), texel_size=50.0)
 SIZE: dict[str, Any] = {"width": 24, "height": 20}

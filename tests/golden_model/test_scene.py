@@ -16,7 +16,9 @@ import trimesh
 from golden_model.cornell_box import ROOM
 from golden_model.errors import InputError
 from golden_model.mesh import area_vectors, shading_normals
-from golden_model.scene import Scene, load_scene, require_light
+from golden_model.motion import scene_at
+from golden_model.scene import Scene, require_light
+from golden_model.scene_load import load_scene
 
 SCENES = Path(__file__).parents[2] / "scenes"
 CUBE_OBJ = """# a unit cube of quads
@@ -214,11 +216,11 @@ def test_the_documented_motion_loads(tmp_path: Path) -> None:
     assert scene.last_frame == 120, "that of the camera"
     assert scene.coarse is not None
     ball, door = scene.object_names.index("ball"), scene.object_names.index("door")
-    assert [bool(scene.at(frame).present[ball]) for frame in (0, 19, 20)] == [False, False, True]
-    assert [scene.at(frame).point_lights["intensity"][0, 0] for frame in (49, 50)] == [20000, 0]
-    hinge = scene.at(40).corners[scene.object_id == door].reshape(-1, 3)
+    assert [bool(scene_at(scene, frame).present[ball]) for frame in (0, 19, 20)] == [False, False, True]
+    assert [scene_at(scene, frame).point_lights["intensity"][0, 0] for frame in (49, 50)] == [20000, 0]
+    hinge = scene_at(scene, 40).corners[scene.object_id == door].reshape(-1, 3)
     assert np.allclose(hinge.max(axis=0), [347, 220, 110], atol=1e-3), "open: along z at the hinge"
-    assert scene.at(90).triangles.tobytes() == scene.at(180).triangles.tobytes()
+    assert scene_at(scene, 90).triangles.tobytes() == scene_at(scene, 180).triangles.tobytes()
 
 
 @pytest.mark.parametrize("path", sorted(SCENES.glob("*.toml")), ids=lambda path: path.stem)

@@ -11,7 +11,10 @@ from PIL import Image
 from golden_model.errors import InputError, InputWarning
 from golden_model.mesh import area_vectors
 from golden_model.mesh_files import load_mesh
-from golden_model.scene import DIFFUSE, GLASS, MIRROR, Scene, load_scene
+from golden_model.motion import scene_at
+from golden_model.parts import DIFFUSE, GLASS, MIRROR
+from golden_model.scene import Scene
+from golden_model.scene_load import load_scene
 from golden_model.shapes import icosphere
 from golden_model.texture_files import checker, srgb_table
 from tests.golden_model.moving_scenes import ROOM, scene_of
@@ -252,6 +255,6 @@ def test_meshes_turn_about_their_own_origin(tmp_path: Path) -> None:
     keys = "[[mesh.path]]\nframe = 0\nrotate = [1, 0, 1, 0]\n"
     scene = scene_of(tmp_path, "[[mesh]]\nfile = 'cube.obj'\ntranslate = [5, 0, 0]\n" + keys)
     assert scene.bodies == [[0, 1]], "the objects of one file move together"
-    moved = scene.at(0)
+    moved = scene_at(scene, 0)
     assert moved.corners.min(axis=(0, 1)).tolist() == [5, 0, -1]
     assert moved.corners.max(axis=(0, 1)).tolist() == [6, 1, 0]

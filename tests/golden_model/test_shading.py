@@ -4,14 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 
+from golden_model.assemble import assemble
 from golden_model.bvh import build
 from golden_model.camera import look_at, pixel_rays
 from golden_model.charts import unwrap
 from golden_model.cornell_box import cornell_box_parts
 from golden_model.formats import PUBLISHED_TEXEL
 from golden_model.lightmap import bilinear, levels_of, sample
+from golden_model.parts import GLASS, MIRROR
 from golden_model.rasterizer import draw, rasterize
-from golden_model.scene import GLASS, MIRROR, Scene, assemble
+from golden_model.scene import Scene
 from golden_model.shading import Surfaces, diffuse_radiance, ray_weights, readable, shade_fragments, shade_pixels
 from golden_model.traversal import trace
 from tests.golden_model.frame_scenes import flat_light, mesh_of, quad, room, scene_of, seen_from

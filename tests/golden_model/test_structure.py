@@ -12,6 +12,7 @@ from golden_model.cornell_box import cornell_box
 from golden_model.errors import InputError
 from golden_model.forest import Forest, ForestOptions
 from golden_model.formats import RAY, TRIANGLE
+from golden_model.motion import scene_at
 from golden_model.recorder import TestRecorder
 from golden_model.scene import Scene
 from golden_model.structure import Structure
@@ -60,11 +61,11 @@ def check(bvh: Bvh) -> None:
 @pytest.mark.parametrize("backend", ["numpy", "numba"])
 @pytest.mark.parametrize("policy", POLICIES)
 def test_hits_are_those_of_a_new_tree_in_every_frame(moving: Scene, backend: str, policy: str) -> None:
-    structure = Structure(moving.at(0), backend, options=POLICIES[policy])
+    structure = Structure(scene_at(moving, 0), backend, options=POLICIES[policy])
     rays = rays_through(moving, 500, SEED)
     hit = 0
     for frame in FRAMES:
-        scene = moving.at(frame)
+        scene = scene_at(moving, frame)
         structure.update(scene)
         fresh, coarse = build(scene.triangles), scene.coarse
         assert coarse is not None
@@ -82,16 +83,16 @@ def test_hits_are_those_of_a_new_tree_in_every_frame(moving: Scene, backend: str
 
 def test_two_frames_far_apart_and_back(moving: Scene) -> None:
     """Objects that no ray asked for in between are not left behind."""
-    structure = Structure(moving.at(0), options=ForestOptions(demand=True))
+    structure = Structure(scene_at(moving, 0), options=ForestOptions(demand=True))
     rays = rays_through(moving, 800, SEED)
     nowhere = np.zeros(1, dtype=RAY)
     nowhere["origin"], nowhere["direction"], nowhere["t_max"] = (0, 50, 0), (0, 1, 0), np.inf
     for frame in (0, 6, 3, 9, 0):
-        structure.update(moving.at(frame))
+        structure.update(scene_at(moving, frame))
         assert structure.trace(nowhere)["primitive"] == -1
         if frame in (6, 9):
             continue
-        expected = traversal.trace(build(moving.at(frame).triangles), rays)
+        expected = traversal.trace(build(scene_at(moving, frame).triangles), rays)
         assert structure.trace(rays).tobytes() == expected.tobytes(), f"frame {frame}, seed {SEED}"
 
 
@@ -101,34 +102,34 @@ def test_the_box_of_what_is_back_in_its_place_is_back_too(tmp_path: Path) -> Non
     scene = scene_of(
         tmp_path, ROOM + away + "translate = [0, -19, 0]\n[[box.path]]\nframe = 2\ntranslate = [0, 0, 0]\n"
     )
-    forest = Forest(scene.at(0), ForestOptions(demand=True))
+    forest = Forest(scene_at(scene, 0), ForestOptions(demand=True))
     forest.demand(list(forest.waiting))
     for frame, top in ((0, 20.5), (1, 3.0), (2, 20.5)):
-        forest.update(scene.at(frame))
+        forest.update(scene_at(scene, frame))
         assert forest.bounds()[1, 1] == top, frame
 
 
 def test_figures_count_the_work(moving: Scene) -> None:
-    structure = Structure(moving.at(0), options=ForestOptions(rebuild_factor=1e9))
+    structure = Structure(scene_at(moving, 0), options=ForestOptions(rebuild_factor=1e9))
     figures = structure.figures()
     # The floor, the wall and the lamp, which is dimmed in its place, are one body.
     assert (figures.built, figures.built_triangles) == (3, 6 + 1280 + 12)
-    structure.update(moving.at(1))
+    structure.update(scene_at(moving, 1))
     figures = structure.figures()
     assert (figures.kept, figures.refitted, figures.built, figures.refitted_triangles) == (2, 1, 0, 1280)
-    structure.update(moving.at(4))
+    structure.update(scene_at(moving, 4))
     assert (structure.figures().kept, structure.figures().refitted) == (1, 2)
-    structure.update(moving.at(9))
+    structure.update(scene_at(moving, 9))
     assert (structure.figures().absent, structure.figures().refitted) == (1, 1)
 
 
 def test_trees_are_built_anew_when_refitting_has_made_them_poor(moving: Scene) -> None:
-    kept = Structure(moving.at(0), options=ForestOptions(rebuild_factor=1e9))
-    renewed = Structure(moving.at(0), options=ForestOptions(rebuild_factor=1.05))
+    kept = Structure(scene_at(moving, 0), options=ForestOptions(rebuild_factor=1e9))
+    renewed = Structure(scene_at(moving, 0), options=ForestOptions(rebuild_factor=1.05))
     rebuilt = 0
     for frame in range(7):
-        kept.update(moving.at(frame))
-        renewed.update(moving.at(frame))
+        kept.update(scene_at(moving, frame))
+        renewed.update(scene_at(moving, frame))
         assert kept.figures().rebuilt == 0
         rebuilt += renewed.figures().rebuilt
         assert renewed.figures().rebuilt <= renewed.figures().refitted
@@ -137,7 +138,7 @@ def test_trees_are_built_anew_when_refitting_has_made_them_poor(moving: Scene) -
 
 
 def test_detail_waits_for_a_ray(moving: Scene) -> None:
-    structure = Structure(moving.at(0), options=ForestOptions(demand=True))
+    structure = Structure(scene_at(moving, 0), options=ForestOptions(demand=True))
     assert structure.figures().waiting == 5
     assert structure.figures().built == 0
     down = np.zeros(1, dtype=RAY)
@@ -149,7 +150,7 @@ def test_detail_waits_for_a_ray(moving: Scene) -> None:
     assert structure.trace(down)["primitive"] >= 6
     assert (structure.figures().demanded, structure.figures().waiting) == (2, 3)
     # The next frame moves the ball alone, and nobody looks: no work.
-    structure.update(moving.at(1))
+    structure.update(scene_at(moving, 1))
     assert structure.figures().waiting == 4
     down["origin"] = (-2.5, 2, 2)
     structure.trace(down)
@@ -190,7 +191,7 @@ def test_coarse_of_a_scene_without_reduced_geometry_is_the_scene() -> None:
 def test_threads_change_no_bit(moving: Scene, backend: str, demand: bool) -> None:
     rays = rays_through(moving, 1001, SEED)
     options = ForestOptions(demand=demand)
-    one, three = (Structure(moving.at(5), backend, threads=n, options=options) for n in (1, 3))
+    one, three = (Structure(scene_at(moving, 5), backend, threads=n, options=options) for n in (1, 3))
     for part in (rays, rays[:2], rays[:0]):
         for any_hit in (False, True):
             assert one.trace(part, any_hit=any_hit).tobytes() == three.trace(part, any_hit=any_hit).tobytes()
@@ -200,8 +201,8 @@ def test_threads_change_no_bit(moving: Scene, backend: str, demand: bool) -> Non
 def test_a_recorder_sees_every_ray_once(moving: Scene, demand: bool) -> None:
     rays = rays_through(moving, 300, SEED)
     recorders = [TestRecorder(limit=50, seed=1) for _ in range(2)]
-    traversal.trace(build(moving.at(0).triangles), rays, recorder=recorders[0])
-    Structure(moving.at(0), recorder=recorders[1], threads=2, options=ForestOptions(demand=demand)).trace(rays)
+    traversal.trace(build(scene_at(moving, 0).triangles), rays, recorder=recorders[0])
+    Structure(scene_at(moving, 0), recorder=recorders[1], threads=2, options=ForestOptions(demand=demand)).trace(rays)
     assert recorders[0].rays == recorders[1].rays == 300
     assert 0 < recorders[1].total < 3 * recorders[0].total
 
@@ -227,8 +228,8 @@ frame = 8
 rotate = [1, 0, 1, 0]
 """
     scene = scene_of(tmp_path, ROOM + text)
-    structure = Structure(scene.at(0))
-    frame = scene.at(3)
+    structure = Structure(scene_at(scene, 0))
+    frame = scene_at(scene, 3)
     begin = time.perf_counter()
     structure.update(frame)
     taken = time.perf_counter() - begin

@@ -12,7 +12,7 @@ from golden_model import bvh, traversal
 from golden_model.charts import unwrap
 from golden_model.errors import InputWarning
 from golden_model.lightmap import VALID
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from tests.golden_model.test_scene import CUBE_OBJ, QUAD, write_cube
 
 

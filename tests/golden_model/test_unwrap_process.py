@@ -16,7 +16,7 @@ from golden_model.errors import InputError
 from golden_model.mesh import area_vectors
 from golden_model.mesh_charts import FEWEST_TRIANGLES, default_cache, mesh_charts
 from golden_model.planar_charts import GAP, ObjectCharts
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from golden_model.shapes import icosphere
 from golden_model.unwrap_process import KilledError, Unwrapper
 

@@ -10,8 +10,9 @@ from golden_model.lightmap import VALID
 from golden_model.map_windows import Windows
 from golden_model.policy import Policy
 from golden_model.prediction import extrapolated, predicted_view
-from golden_model.scene import Camera, vector
+from golden_model.scene import Camera
 from golden_model.selection import coarse_to_fine
+from golden_model.vectors import vector
 from golden_model.visibility import HIDDEN, LIKELY, SEEN, UNSEEN, Sight, Visibility, eye_rays, screen_test
 from tests.golden_model.selection_scenes import Stage, cornell, read_by_pixels, visited
 

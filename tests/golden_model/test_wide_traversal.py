@@ -19,7 +19,7 @@ from golden_model.formats import (
     TRIANGLE_BLOCK,
 )
 from golden_model.ray_families import RAY_FAMILIES, aimed, diffuse_rays
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from golden_model.traversal import trace
 from golden_model.wide_bvh import WideBvh, build_wide, widen
 from golden_model.wide_traversal import COUNTS, queries_of, trace_tree

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from golden_model.ray_families import diffuse_rays
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from golden_model.wide_bvh import build_wide
 from golden_model.wide_traversal import queries_of
 from lightloom.bench_traversal import CONDITIONS, SEED, Sweep, command_of, default_sweep, measure

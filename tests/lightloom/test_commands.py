@@ -15,7 +15,7 @@ import pytest
 from typer.main import get_command
 
 from golden_model.formats import RAY
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from golden_model.traversal import trace
 from golden_model.units import SYSTEMS
 from lightloom import documentation

@@ -11,7 +11,7 @@ from golden_model import bitpack
 from golden_model.ray_families import diffuse_rays
 from golden_model.ray_setup import ray_setup
 from golden_model.ray_triangle import ray_triangle, triangle_tests
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from lightloom import replay as replay_module
 from lightloom.replay import replay
 from lightloom.sequence import looped, shown_lightmaps

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from golden_model.memory_image import load_tree
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from golden_model.wide_bvh import tree_triangles
 
 from .conftest import Run, files_below

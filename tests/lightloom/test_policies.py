@@ -13,7 +13,7 @@ from golden_model.formats import GBUFFER, TEXEL_STATE
 from golden_model.lightmap import EMPTY, VALID
 from golden_model.policy import POLICIES, Policy
 from golden_model.renderer import Renderer
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from lightloom.policies import (
     Comparison,
     counted_pixels,

@@ -7,7 +7,7 @@ import pytest
 
 from golden_model import bitpack
 from golden_model.ray_families import adversarial_rays
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from lightloom import tracing
 from lightloom.tracing import Tracer, golden_tracer, rtl_tracer
 

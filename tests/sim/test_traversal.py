@@ -10,7 +10,7 @@ from golden_model import bitpack
 from golden_model.errors import InputError
 from golden_model.formats import BVH_MAGIC, RAY_QUERY, RAY_RESULT, TRACE_ERRORS, TRIANGLE
 from golden_model.ray_families import RAY_FAMILIES, diffuse_rays
-from golden_model.scene import load_scene
+from golden_model.scene_load import load_scene
 from golden_model.wide_bvh import build_wide
 from golden_model.wide_traversal import COUNTS, queries_of, trace_tree
 from rtl.config import PRESETS, Config
