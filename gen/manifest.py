@@ -14,7 +14,7 @@ from amaranth.lib.wiring import In
 from gen.verilog import ports_of
 from golden_model import bitpack
 from golden_model.formats import bits
-from golden_model.units import ALL, UNITS
+from golden_model.interfaces import ALL, UNITS
 from rtl.catalogue import CATALOGUE
 from rtl.config import Config
 

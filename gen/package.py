@@ -15,8 +15,8 @@ from gen.package_bench import stream_bench, traversal_bench
 from gen.package_files import constraints, ipxact, librelane, register_files, render, to_json
 from gen.package_formats import context
 from golden_model.errors import InputError
+from golden_model.interfaces import UNITS
 from golden_model.outputs import whole_folder
-from golden_model.units import UNITS
 from rtl.config import Config
 
 SHORTEST, LONGEST = 0.01, 10_000.0

@@ -9,8 +9,8 @@ from gen.package_files import render
 from golden_model import bitpack
 from golden_model.formats import BLOCK_BYTES, SECTION, TRIANGLE
 from golden_model.memory_image import pack_image
+from golden_model.models import model_results
 from golden_model.ray_families import adversarial_rays
-from golden_model.units import UNITS
 from golden_model.wide_bvh import build_wide
 from golden_model.wide_traversal import COUNTS, queries_of, trace_tree
 from rtl.config import Config
@@ -27,7 +27,7 @@ def stream_bench(unit: Mapping[str, Any], config: Config, operands: np.ndarray) 
     """
     name = unit["unit"]
     operands = operands[: len(operands) // 4 * 4]
-    results = UNITS[name].results(operands, config.width)
+    results = model_results(name, operands, config.width)
     bench = render(
         "package_testbench.v",
         **_shared(unit, operands, results),

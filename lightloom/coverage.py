@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from golden_model import bitpack
-from golden_model.units import OPERATORS, UNITS
+from golden_model.interfaces import OPERATORS, UNITS
+from golden_model.models import MODELS
 from lightloom.machine import machine, versions
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
@@ -168,7 +169,7 @@ def _possible(unit: str, bins: Groups) -> Groups:
 def _tried(unit: str, verilog: str) -> Groups:
     """Bins of the operands of a bulk run, whose results are the model's."""
     operands = many_vectors(unit, MANY, SEED)
-    expected = UNITS[unit].model(operands)
+    expected = MODELS[unit](operands)
     results = BulkUnit(unit, PRESETS[PRESET], verilog=verilog).run(operands)
     if not bitpack.equal(results, expected).all():
         raise AssertionError(f"{unit}: results of many_vectors({unit!r}, {MANY}, {SEED}) are not the model's")

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from golden_model import bitpack
-from golden_model.units import ALL, UNITS
+from golden_model.interfaces import ALL, UNITS
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
 

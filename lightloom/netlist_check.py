@@ -9,7 +9,8 @@ import numpy as np
 
 from gen import libraries, netlist
 from golden_model import bitpack
-from golden_model.units import UNITS
+from golden_model.interfaces import UNITS
+from golden_model.models import model_results
 from lightloom.synthesis import Measured, Source
 from rtl.config import PRESETS
 from sim.bulk import BulkUnit
@@ -33,7 +34,7 @@ def check(measured: Measured, source: Source, count: int, seed: int) -> Check:
     operands = many_vectors(unit.name, count, seed)
     config = PRESETS[measured.preset]
     results = BulkUnit(unit.name, config, verilog=text, netlist=True).run(operands, stall_seed=seed + 1)
-    return compare(operands, results, unit.results(operands, config.width))
+    return compare(operands, results, model_results(unit.name, operands, config.width))
 
 
 def compare(operands: np.ndarray, results: np.ndarray, expected: np.ndarray) -> Check:

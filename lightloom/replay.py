@@ -7,7 +7,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from golden_model import bitpack
-from golden_model.units import UNITS
+from golden_model.interfaces import UNITS
+from golden_model.models import MODELS
 
 CHUNK = 1 << 18
 LISTED = 20
@@ -51,7 +52,7 @@ def replay(unit: str, operands: np.ndarray, simulated: Simulated, advance: Calla
     seconds = 0.0
     for start in range(0, len(operands), CHUNK):
         chunk = operands[start : start + CHUNK]
-        got, want = simulated.run(chunk), description.model(chunk)
+        got, want = simulated.run(chunk), MODELS[unit](chunk)
         outcome.cycles += simulated.cycles
         seconds += len(chunk) / simulated.throughput if simulated.throughput else 0.0
         if "hit" in names:

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from gen import tools
+from golden_model.interfaces import UNITS
 from golden_model.outputs import whole_file
-from golden_model.units import UNITS
 from lightloom.bench_tracing import BUNNY
 from lightloom.bench_traversal import DRAGON
 

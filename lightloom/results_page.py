@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from gen.coverage_page import percent, totals
-from golden_model.units import SYSTEMS
+from golden_model.interfaces import SYSTEMS
 from lightloom.machine import commands_at
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS

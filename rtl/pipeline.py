@@ -12,7 +12,7 @@ from amaranth import Const, Module, Signal, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.units import UNITS
+from golden_model.interfaces import UNITS
 from rtl.layouts import layout_of, packet_of
 from rtl.operators.fields import FLOAT32, FloatFormat
 

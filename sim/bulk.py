@@ -9,7 +9,7 @@ import numpy as np
 from gen.manifest import manifest
 from golden_model import bitpack
 from golden_model.errors import InputError
-from golden_model.units import UNITS
+from golden_model.interfaces import UNITS
 from rtl.config import PRESETS, Config
 from sim import verilated
 from sim.emitted import emitted
@@ -27,9 +27,9 @@ class BulkError(AssertionError):
 class BulkUnit:
     """A Verilated unit that takes operand arrays.
 
-    Parameters: `unit`, a name of `golden_model.units.UNITS`; `config`, the hardware parameters; `verilog`, a text other
-    than the emitted one; `netlist`, it is gates, of which a compiler has too many to optimise for a run of thousands.
-    Builds the simulator, or finds it in the cache. Raises InputError for an unknown unit or a missing tool.
+    Parameters: `unit`, a name of `golden_model.interfaces.UNITS`; `config`, the hardware parameters; `verilog`, a text
+    other than the emitted one; `netlist`, it is gates, of which a compiler has too many to optimise for a run of
+    thousands. Builds the simulator, or finds it in the cache. Raises InputError for an unknown unit or a missing tool.
 
     Attributes after `run`: `throughput` (vectors/s of the simulation, on one core, without packing), `cycles` (clock
     cycles of the last run), `latency` (cycles from the first operand to its result; exact where nothing stalled).

@@ -13,7 +13,7 @@ from golden_model.outputs import whole_file
 from rtl.config import Config
 from sim import toolchain
 
-FORMATS = ("formats.py", "units.py")
+FORMATS = ("formats.py", "interfaces.py")
 """What the RTL draws on of the golden model."""
 
 

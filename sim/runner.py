@@ -21,7 +21,7 @@ from cocotb_tools.check_results import get_results
 
 from gen.manifest import manifest
 from golden_model import bitpack
-from golden_model.units import UNITS
+from golden_model.interfaces import UNITS
 from rtl.config import PRESETS, Config
 from sim import toolchain
 from sim.emitted import emitted

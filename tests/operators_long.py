@@ -21,8 +21,9 @@ from rich.progress import track
 from rich.table import Table
 
 from golden_model import bitpack
+from golden_model.interfaces import OPERATORS
+from golden_model.models import MODELS
 from golden_model.outputs import whole_file
-from golden_model.units import OPERATORS
 from rtl.config import PRESETS
 from sim.bulk import BulkUnit
 from tests.exact import exact_results
@@ -70,7 +71,7 @@ def measure(name: str, *, random: int, exact: int, presets: list[str], seed: int
     """Runs one unit over its corners and `random` vectors, `exact` of either kind through exact arithmetic too."""
     started = time.perf_counter()
     row = Row(name)
-    model = OPERATORS[name].model
+    model = MODELS[name]
     units = {preset: BulkUnit(name, PRESETS[preset]) for preset in presets}
 
     def compare(source: str, operands: np.ndarray, **results: np.ndarray) -> int:

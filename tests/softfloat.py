@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import softfloatpy._core
 
+from golden_model.interfaces import OPERATORS
 from golden_model.outputs import whole_file
-from golden_model.units import OPERATORS
 from sim import toolchain
 
 SOURCE = Path(__file__).with_suffix(".cpp")

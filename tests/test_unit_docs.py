@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from golden_model import bitpack
-from golden_model.units import UNITS
+from golden_model.interfaces import UNITS
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
 

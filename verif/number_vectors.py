@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from golden_model.units import UNITS
+from golden_model.interfaces import UNITS
 
 Rng = np.random.Generator
 

@@ -18,9 +18,9 @@ from cocotb.triggers import FallingEdge, RisingEdge
 
 from golden_model import bitpack
 from golden_model.formats import LOAD_ERRORS, RAY_QUERY, RAY_RESULT, TRIANGLE
+from golden_model.interfaces import COUNTERS
 from golden_model.ray_families import RAY_FAMILIES
 from golden_model.scene_load import load_scene
-from golden_model.units import COUNTERS
 from golden_model.wide_bvh import WideBvh, build_wide
 from golden_model.wide_traversal import COUNTS, queries_of, trace_tree
 from verif.axi_slave import AxiSlave, Manner

@@ -4,9 +4,9 @@ import numpy as np
 
 from golden_model import bitpack
 from golden_model.formats import LOAD_ERRORS, RAY_QUERY, TRACE_ERRORS, TRIANGLE_BLOCK, TRIANGLES_KIND
+from golden_model.interfaces import COUNTERS
 from golden_model.ray_setup import ray_setup
 from golden_model.ray_triangle import ray_triangle, triangle_tests
-from golden_model.units import COUNTERS
 from golden_model.wide_bvh import WideBvh, tree_triangles
 from verif.coverage import Groups, StreamCycles, cases
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from golden_model.units import OPERATORS
+from golden_model.interfaces import OPERATORS
 from verif.box_vectors import box_setup_vectors, node_test_vectors, ray_time_vectors
 from verif.number_vectors import corner_vectors, random_vectors
 from verif.ray_vectors import ray_setup_vectors, ray_triangle_vectors

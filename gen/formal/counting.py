@@ -6,7 +6,7 @@ from amaranth import Array, Const, Mux, Signal
 
 from gen.formal.bench import Bench
 from gen.formal.properties import Induction, Property
-from golden_model.units import COUNTERS
+from golden_model.interfaces import COUNTERS
 from rtl.axi import AxiRead
 from rtl.block_fill import BlockFill
 from rtl.traversal.counters import COUNTER_BITS, Counters

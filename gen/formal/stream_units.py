@@ -13,7 +13,7 @@ from amaranth import Array, Cat, Module, Signal, Value
 from gen.formal.bench import Bench
 from gen.formal.properties import Induction, Property
 from gen.formal.streams import held
-from golden_model.units import UNITS
+from golden_model.interfaces import UNITS
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
 from rtl.pipeline import Core, StreamUnit, register

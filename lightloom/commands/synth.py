@@ -75,7 +75,7 @@ def synth(
     """
     from gen.macros import read_macros
     from golden_model.errors import InputError
-    from golden_model.units import UNITS
+    from golden_model.interfaces import UNITS
     from lightloom import synthesis
     from lightloom.console import Progress, print_json
     from lightloom.netlist_check import check as check_netlist

@@ -7,7 +7,7 @@ from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import RAY_QUERY, RAY_RESULT
-from golden_model.units import COUNTERS
+from golden_model.interfaces import COUNTERS
 from rtl.axi_read_arbiter import AxiReadArbiter
 from rtl.config import Config
 from rtl.layouts import packet_of

@@ -9,7 +9,7 @@ from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.formats import LEAF_RAY, RAY_QUERY, RAY_RESULT
-from golden_model.units import COUNTERS
+from golden_model.interfaces import COUNTERS
 from rtl.axi_read_arbiter import AxiReadArbiter
 from rtl.block_cache import BlockCache
 from rtl.config import Config

@@ -14,7 +14,7 @@ import pytest
 from gen.emit import emit
 from golden_model import bitpack
 from golden_model.errors import InputError
-from golden_model.units import ALL
+from golden_model.interfaces import ALL
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from golden_model import bitpack, formats
 from golden_model.formats import BOOL, F2, F4, I4, bits, field_width
-from golden_model.units import UNITS
+from golden_model.interfaces import UNITS
 from rtl.layouts import layout_of, packet_of
 
 FORMATS = sorted({unit.input for unit in UNITS.values()} | {unit.output for unit in UNITS.values()}, key=str)

@@ -15,9 +15,9 @@ import pytest
 from typer.main import get_command
 
 from golden_model.formats import RAY
+from golden_model.interfaces import SYSTEMS
 from golden_model.scene_load import load_scene
 from golden_model.traversal import trace
-from golden_model.units import SYSTEMS
 from lightloom import documentation
 from lightloom.cli import app
 from rtl.catalogue import CATALOGUE

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gen import libraries, timing, tools
-from golden_model.units import UNITS
+from golden_model.interfaces import UNITS
 from lightloom import netlist_check, results_page, synthesis
 from lightloom.machine import COMMIT as HERE
 from lightloom.machine import commands_at

@@ -5,7 +5,7 @@ import functools
 import numpy as np
 
 from golden_model import bitpack
-from golden_model.units import UNITS
+from golden_model.models import model_results
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
 from sim.bulk import BulkUnit
@@ -38,7 +38,7 @@ def assert_agrees(unit: str, preset: str, operands: np.ndarray, origin: str) -> 
     """
     assert len(operands)
     bulk = bulk_unit(unit, preset)
-    expected, got = UNITS[unit].results(operands, PRESETS[preset].width), bulk.run(operands)
+    expected, got = model_results(unit, operands, PRESETS[preset].width), bulk.run(operands)
     wrong = np.flatnonzero(~bitpack.equal(expected, got))
     lines = [f"{unit} ({preset}, {origin}): {len(wrong)} of {len(operands)} results differ"]
     for k in wrong[:SHOWN]:

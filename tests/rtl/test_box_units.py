@@ -8,7 +8,7 @@ import pytest
 
 from golden_model.bitpack import equal, pack, unpack
 from golden_model.formats import WIDTH
-from golden_model.units import UNITS
+from golden_model.models import MODELS, model_results
 from rtl.box_axis import STEPS
 from rtl.box_setup import add_depth, multiply_depth
 from rtl.catalogue import CATALOGUE
@@ -44,7 +44,7 @@ def test_the_vectors_reach_every_case() -> None:
     """Otherwise agreement means little."""
     tests = node_test_vectors(50_000, SEED)
     assert (unpack(pack(tests), tests.dtype) == tests).all(), "a field holds more than its bits"
-    hits = UNITS["node_test"].model(tests)
+    hits = MODELS["node_test"](tests)
     assert (np.bincount(hits["count"], minlength=WIDTH + 1) > 500).all()
     listed = np.arange(WIDTH - 1) < hits["count"][:, None].astype(int) - 1
     later, same = hits["entry"][:, :-1] < hits["entry"][:, 1:], hits["entry"][:, :-1] == hits["entry"][:, 1:]
@@ -52,7 +52,7 @@ def test_the_vectors_reach_every_case() -> None:
     assert ((later & turned & listed).sum() > 5000) & ((same & listed).sum() > 5000)
     assert {*np.unique(tests["exponent"])} == set(range(16))
     assert {*np.unique(tests["steepness"])} == {*np.unique(tests["coarseness"])} == set(range(32))
-    rays = UNITS["box_setup"].model(box_setup_vectors(50_000, SEED))
+    rays = MODELS["box_setup"](box_setup_vectors(50_000, SEED))
     assert 0.1 < rays["blind"].mean() < 0.4
     assert {*np.unique(rays["steepness"])} == set(range(28))
     assert {*np.unique(rays["coarseness"])} == set(range(32))
@@ -61,7 +61,7 @@ def test_the_vectors_reach_every_case() -> None:
 @pytest.mark.parametrize("unit", VECTORS)
 def test_results_survive_stalls(unit: str) -> None:
     operands = VECTORS[unit](20_000, SEED)
-    expected = UNITS[unit].results(operands, PRESETS["tiny"].width)
+    expected = model_results(unit, operands, PRESETS["tiny"].width)
     assert equal(bulk_unit(unit, "tiny").run(operands, stall_seed=SEED), expected).all()
 
 
@@ -80,6 +80,6 @@ def test_latencies(config: Config) -> None:
 def test_every_depth(depth: int) -> None:
     config = dataclasses.replace(PRESETS["tiny"], node_test_depth=depth)
     operands = node_test_vectors(20_000, SEED)
-    unit, expected = BulkUnit("node_test", config), UNITS["node_test"].results(operands, config.width)
+    unit, expected = BulkUnit("node_test", config), model_results("node_test", operands, config.width)
     assert equal(unit.run(operands), expected).all(), f"node_test_vectors(20_000, {SEED})"
     assert unit.latency == depth

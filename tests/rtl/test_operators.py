@@ -12,7 +12,8 @@ from amaranth.hdl import Fragment, UnusedElaboratable
 
 from gen.verilog import verilog_of
 from golden_model.formats import field_width
-from golden_model.units import OPERATORS
+from golden_model.interfaces import OPERATORS
+from golden_model.models import MODELS
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
 from rtl.operators.fields import FLOAT32
@@ -48,7 +49,7 @@ def check(name: str, config: Config) -> None:
     operands = np.concatenate([corner_vectors(name), random_vectors(name, RANDOM, SEED)])
     bulk = BulkUnit(name, config)
     results = {
-        "model": OPERATORS[name].model(operands),
+        "model": MODELS[name](operands),
         "SoftFloat": softfloat_results(name, operands),
         "RTL": bulk.run(operands),
     }
@@ -93,7 +94,7 @@ def test_a_wrong_bit_is_found() -> None:
     assert broken != good
     operands = corner_vectors("float_compare")
     results = {
-        "model": OPERATORS["float_compare"].model(operands),
+        "model": MODELS["float_compare"](operands),
         "RTL": BulkUnit("float_compare", PRESETS["tiny"], verilog=broken).run(operands),
     }
     report = differences(operands, "corner_vectors('float_compare')", results)

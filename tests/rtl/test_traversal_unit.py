@@ -24,9 +24,9 @@ from golden_model.formats import (
     TRACE_ERRORS,
     TRIANGLE,
 )
+from golden_model.interfaces import COUNTERS
 from golden_model.ray_families import RAY_FAMILIES
 from golden_model.scene_load import load_scene
-from golden_model.units import COUNTERS
 from golden_model.wide_bvh import build_wide
 from golden_model.wide_traversal import queries_of, trace_tree
 from rtl.config import PRESETS

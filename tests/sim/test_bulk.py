@@ -8,7 +8,7 @@ import pytest
 from gen.verilog import verilog_of
 from golden_model import bitpack
 from golden_model.errors import InputError
-from golden_model.units import UNITS
+from golden_model.models import MODELS
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
 from sim import bulk, toolchain
@@ -17,7 +17,7 @@ from tests.vectors import random_vectors
 
 NAME, SEED, COUNT = "float_compare", 7, 20_000
 OPERANDS = random_vectors(NAME, COUNT, SEED)
-EXPECTED = UNITS[NAME].model(OPERANDS)
+EXPECTED = MODELS[NAME](OPERANDS)
 
 
 @cache

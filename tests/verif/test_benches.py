@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gen.verilog import verilog_of
-from golden_model.units import OPERATORS, UNITS
+from golden_model.interfaces import OPERATORS, UNITS
 from rtl.config import PRESETS
 from sim.runner import BenchError, run_bench
 from tests.simulators import SIMULATORS

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from golden_model.formats import FLOAT
-from golden_model.units import UNITS
+from golden_model.interfaces import UNITS
+from golden_model.models import MODELS
 from verif.coverage import BINS, Groups, StreamCycles, cases, note, noted, together
 from verif.number_bins import BINS as NUMBER_BINS
 from verif.number_bins import number_bins, rounding, signed
@@ -63,7 +64,7 @@ def test_how_a_result_was_rounded() -> None:
 )
 def test_bins_of_a_sum(a: float, b: float, group: str, name: str) -> None:
     operands = np.array([(a, b, False)], dtype=UNITS["float_add"].input)
-    assert name in filled(number_bins("float_add", operands, UNITS["float_add"].model(operands))[group])
+    assert name in filled(number_bins("float_add", operands, MODELS["float_add"](operands))[group])
 
 
 def test_classes_have_signs() -> None:

@@ -1,25 +1,21 @@
-"""The table of units: name, payload formats and model of everything that exists in RTL.
+"""The table of units: name, summary and payload formats of everything that exists in RTL, and what its counters count.
 
-The RTL catalogue, the benches, the bulk runs, the manifests and the documentation all start from this table.
+The RTL catalogue, the models, the benches, the bulk runs, the manifests and the documentation all start from here.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from golden_model import floats, formats
-from golden_model.box_setup import box_setup
-from golden_model.node_test import node_test
-from golden_model.ray_setup import ray_setup
-from golden_model.ray_time import ray_time
-from golden_model.ray_triangle import ray_triangle
+from golden_model import formats
 
 
 @dataclass(frozen=True, kw_only=True)
 class Unit:
-    """One unit with an input stream, an output stream and a result that depends on its operands alone."""
+    """One unit with an input stream, an output stream and a result that depends on its operands alone.
+
+    `golden_model.models` has what it computes.
+    """
 
     name: str
     """The name in every room, and of the Verilog module."""
@@ -29,15 +25,6 @@ class Unit:
     """Payload of the input stream, without the tag."""
     output: np.dtype
     """Payload of the output stream, without the tag."""
-    model: Callable[[np.ndarray], np.ndarray]
-    """Operands (N,) of dtype `input` to results (N,) of dtype `output`."""
-
-    def results(self, operands: np.ndarray, width: int) -> np.ndarray:
-        """Those of `model`, from hardware with testers for `width` boxes: children in slots beyond do not count."""
-        if self.input == formats.NODE_TEST:
-            operands = operands.copy()
-            operands["count"] = np.minimum(operands["count"], width)
-        return self.model(operands)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,40 +39,25 @@ class System:
     """Payload of the output stream, without the tag."""
 
 
-def _operator(name: str, summary: str, source: np.dtype, result: np.dtype, function: Callable[..., Any]) -> Unit:
-    """A number unit: its fields, in order, are the function's arguments and results."""
-
-    def model(operands: np.ndarray) -> np.ndarray:
-        out = np.zeros(len(operands), dtype=result)
-        values = function(*(operands[field] for field in source.names or ()))
-        for field, value in zip(result.names or (), values if isinstance(values, tuple) else (values,), strict=True):
-            out[field] = value
-        return out
-
-    return Unit(name=name, summary=summary, input=source, output=result, model=model)
+def _unit(name: str, summary: str, source: np.dtype, result: np.dtype) -> Unit:
+    return Unit(name=name, summary=summary, input=source, output=result)
 
 
 _F = formats
 OPERATORS: dict[str, Unit] = {
     unit.name: unit
     for unit in (
-        _operator("float_add", "a + b, or a - b", _F.FLOAT_ADD, _F.FLOAT, floats.float_add),
-        _operator("float_multiply", "a * b", _F.FLOAT_PAIR, _F.FLOAT, floats.float_multiply),
-        _operator(
-            "float_difference_of_products",
-            "a*b - c*d, exact, rounded once",
-            _F.FLOAT_QUAD,
-            _F.FLOAT,
-            floats.float_difference_of_products,
-        ),
-        _operator("float_divide", "a / b", _F.FLOAT_PAIR, _F.FLOAT, floats.float_divide),
-        _operator("float_sqrt", "square root", _F.FLOAT_UNARY, _F.FLOAT, floats.float_sqrt),
-        _operator("float_compare", "less, equal, greater, unordered", _F.FLOAT_PAIR, _F.ORDER, floats.float_compare),
-        _operator("float_minmax", "minimum or maximum number", _F.FLOAT_MINMAX, _F.FLOAT, floats.float_minmax),
-        _operator("float_to_half", "float32 to binary16", _F.FLOAT_UNARY, _F.HALF, floats.float_to_half),
-        _operator("half_to_float", "binary16 to float32", _F.HALF_UNARY, _F.FLOAT, floats.half_to_float),
-        _operator("float_to_fixed", "float32 to fixed point", _F.FLOAT_TO_FIXED, _F.FIXED, floats.float_to_fixed),
-        _operator("fixed_to_float", "fixed point to float32", _F.FIXED_TO_FLOAT, _F.FLOAT, floats.fixed_to_float),
+        _unit("float_add", "a + b, or a - b", _F.FLOAT_ADD, _F.FLOAT),
+        _unit("float_multiply", "a * b", _F.FLOAT_PAIR, _F.FLOAT),
+        _unit("float_difference_of_products", "a*b - c*d, exact, rounded once", _F.FLOAT_QUAD, _F.FLOAT),
+        _unit("float_divide", "a / b", _F.FLOAT_PAIR, _F.FLOAT),
+        _unit("float_sqrt", "square root", _F.FLOAT_UNARY, _F.FLOAT),
+        _unit("float_compare", "less, equal, greater, unordered", _F.FLOAT_PAIR, _F.ORDER),
+        _unit("float_minmax", "minimum or maximum number", _F.FLOAT_MINMAX, _F.FLOAT),
+        _unit("float_to_half", "float32 to binary16", _F.FLOAT_UNARY, _F.HALF),
+        _unit("half_to_float", "binary16 to float32", _F.HALF_UNARY, _F.FLOAT),
+        _unit("float_to_fixed", "float32 to fixed point", _F.FLOAT_TO_FIXED, _F.FIXED),
+        _unit("fixed_to_float", "fixed point to float32", _F.FIXED_TO_FLOAT, _F.FLOAT),
     )
 }
 
@@ -96,42 +68,36 @@ UNITS: dict[str, Unit] = {
         summary="dominant axis, shear constants and reciprocal direction of a ray",
         input=formats.RAY,
         output=formats.PREPARED_RAY,
-        model=ray_setup,
     ),
     "ray_triangle": Unit(
         name="ray_triangle",
         summary="watertight ray-triangle intersection",
         input=formats.RAY_TRIANGLE,
         output=formats.TRIANGLE_HIT,
-        model=ray_triangle,
     ),
     "ray_triangle_half": Unit(
         name="ray_triangle_half",
         summary="ray_triangle in half the area, a test every other cycle",
         input=formats.RAY_TRIANGLE,
         output=formats.TRIANGLE_HIT,
-        model=ray_triangle,
     ),
     "ray_time": Unit(
         name="ray_time",
         summary="a distance along a ray for the box test, rounded both ways",
         input=formats.RAY_TIME,
         output=formats.RAY_TIMES,
-        model=ray_time,
     ),
     "box_setup": Unit(
         name="box_setup",
         summary="what the box test needs of a ray, in integers",
         input=formats.BOX_SETUP,
         output=formats.BOX_RAY,
-        model=box_setup,
     ),
     "node_test": Unit(
         name="node_test",
         summary="a ray against the boxes of a node's children, nearest first",
         input=formats.NODE_TEST,
         output=formats.NODE_HITS,
-        model=node_test,
     ),
 }
 
