@@ -110,7 +110,8 @@ def policies(
     from golden_model.scene_load import load_scene
     from golden_model.structure import Structure
     from lightloom.console import Progress, print_json, print_table
-    from lightloom.policies import Comparison, write_comparison
+    from lightloom.policies import write_comparison
+    from lightloom.policy_options import Comparison
 
     loaded = load_scene(scene)
     require_light(loaded)  # before the charts, which may take a while

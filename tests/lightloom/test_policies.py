@@ -14,16 +14,8 @@ from golden_model.lightmap import EMPTY, VALID
 from golden_model.policy import POLICIES, Policy
 from golden_model.renderer import Renderer
 from golden_model.scene_load import load_scene
-from lightloom.policies import (
-    Comparison,
-    counted_pixels,
-    error,
-    few_counted,
-    flip,
-    straight_light,
-    summary,
-    visible_texels,
-)
+from lightloom.policy_judge import counted_pixels, error, flip, straight_light, visible_texels
+from lightloom.policy_options import Comparison
 from lightloom.policy_parameters import changed_parameters, field_docs, parameters
 from lightloom.policy_pictures import (
     ERROR_RANGE,
@@ -35,6 +27,7 @@ from lightloom.policy_pictures import (
     legend,
     relative_error,
 )
+from lightloom.policy_report import few_counted, summary
 
 from .conftest import LAMP, ROOM, Run, files_below
 
