@@ -9,10 +9,11 @@ from golden_model.blend import blend_texels, drop
 from golden_model.collector import Collector
 from golden_model.drift import departures
 from golden_model.formats import TEXEL_STATE
-from golden_model.gather import Gathered, Sampling, World, gather
+from golden_model.gather import Gathered, World, gather
 from golden_model.lightmap import Lightmaps
 from golden_model.policy import Policy
 from golden_model.sampling import Update
+from golden_model.sampling_settings import Sampling
 from golden_model.scene import Scene
 from golden_model.selection import FrameContext, Plan, Selector
 from golden_model.stopwatch import Stopwatch

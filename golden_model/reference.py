@@ -14,12 +14,13 @@ from golden_model.accumulation import fraction_bits, light_of
 from golden_model.collector import collector_of
 from golden_model.errors import InputError
 from golden_model.formats import TEXEL_STATE
-from golden_model.gather import Sampling, World, gather
+from golden_model.gather import World, gather
 from golden_model.lightmap import VALID, Lightmaps
 from golden_model.lights import lights_of
 from golden_model.motion import moved_records, scene_at
 from golden_model.publish import Publisher
 from golden_model.sampling import Update
+from golden_model.sampling_settings import Sampling
 from golden_model.scene import Scene
 from golden_model.shading import Surfaces, readable
 from golden_model.stopwatch import Stopwatch

@@ -24,7 +24,7 @@ from golden_model.errors import InputError
 from golden_model.flip_chain import FlipChain
 from golden_model.forest import ForestOptions
 from golden_model.frame_shader import FrameRayFigures, FrameRays, FrameShading
-from golden_model.gather import Sampling, World
+from golden_model.gather import World
 from golden_model.lightmap import Lightmaps
 from golden_model.lights import Lights, lights_of
 from golden_model.machine import FrameCounts, Machine, RayCounts
@@ -35,6 +35,7 @@ from golden_model.prediction import predicted_view
 from golden_model.publish import Publisher
 from golden_model.rasterizer import Mesh, RasterFigures, Rasterization, draw
 from golden_model.recorder import TestRecorder
+from golden_model.sampling_settings import Sampling
 from golden_model.scene import Scene, require_light
 from golden_model.selection import FrameContext
 from golden_model.shading import Surfaces, ray_weights, readable, shade_fragments, shade_pixels

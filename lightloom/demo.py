@@ -41,9 +41,9 @@ class DemoOptions:
 def demo(options: DemoOptions, out: Path, progress: Progress) -> dict[str, Any]:
     """Writes the demo's folder, whole or not at all, and returns what is in its report.json."""
     from gen.report import report_page
-    from golden_model.gather import Sampling
     from golden_model.recorder import TestRecorder
     from golden_model.renderer import Renderer
+    from golden_model.sampling_settings import Sampling
     from golden_model.scene_load import load_scene
     from golden_model.traversal import backend_of
     from lightloom.emission import emit_units

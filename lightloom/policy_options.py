@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from golden_model.errors import InputError
-from golden_model.gather import Sampling
 from golden_model.policy import POLICIES
+from golden_model.sampling_settings import Sampling
 
 BASELINE = "round-robin"
 """What the others are compared with, where it takes part; else the first one."""

@@ -10,7 +10,7 @@ from golden_model.formats import BOX_FRACTION, LATTICE_BITS, POSITION_BITS, SCAL
 from rtl.config import Config
 from rtl.dataflow import Dataflow, DataflowCore, Node
 from rtl.float_flow import FloatFlow, exponent
-from rtl.operators.fields import FLOAT32, INFINITY
+from rtl.float_format import FLOAT32, INFINITY
 from rtl.operators.float_add import FloatAdd
 from rtl.operators.float_multiply import FloatMultiply
 from rtl.pipeline import balanced_cuts

@@ -11,7 +11,7 @@ from amaranth import Cat, Const, Mux, Value
 from rtl.config import Config
 from rtl.dataflow import Dataflow, Node
 from rtl.float_flow import exponent, is_zero
-from rtl.operators.fields import INFINITY
+from rtl.float_format import INFINITY
 from rtl.pipeline import balanced_cuts
 
 DIGITS = 12

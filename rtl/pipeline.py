@@ -13,8 +13,8 @@ from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from golden_model.interfaces import UNITS
+from rtl.float_format import FLOAT32, FloatFormat
 from rtl.layouts import layout_of, packet_of
-from rtl.operators.fields import FLOAT32, FloatFormat
 
 Step = Callable[..., Mapping[str, Any]]
 

@@ -8,7 +8,7 @@ from amaranth import Cat, Const, Mux, Value
 from rtl.config import Config
 from rtl.dataflow import Dataflow, DataflowCore, Node
 from rtl.float_flow import FloatFlow, exponent, is_finite, is_zero
-from rtl.operators.fields import CANONICAL_NAN
+from rtl.float_format import CANONICAL_NAN
 from rtl.ray_triangle import next_axis, previous_axis, select
 
 

@@ -6,7 +6,7 @@ from amaranth import Signal, Value
 
 from gen.formal.bench import Bench
 from gen.formal.properties import Bounded, Property
-from rtl.operators.fields import FloatFormat
+from rtl.float_format import FloatFormat
 from rtl.operators.float_add import FloatAdd
 from rtl.operators.float_compare import FloatCompare
 from rtl.operators.float_difference_of_products import FloatDifferenceOfProducts

@@ -5,8 +5,8 @@ from amaranth import Array, Cat, Mux, Signal, Value
 from gen.formal.bench import Bench
 from gen.formal.queues import FifoInside
 from rtl.config import Config
-from rtl.traversal.best_hits import context_bits
 from rtl.traversal.control import Control
+from rtl.traversal.records import context_bits
 
 MOST_CHILDREN = 8
 

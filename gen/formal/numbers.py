@@ -10,7 +10,7 @@ from gen.formal.all_inputs import Gates
 from gen.formal.properties import Exhaustive, Property
 from gen.formal.small_floats import SmallFormat
 from golden_model.floats import float_to_half
-from rtl.operators.fields import FloatFormat
+from rtl.float_format import FloatFormat
 from rtl.operators.float_add import FloatAdd
 from rtl.operators.float_compare import FloatCompare
 from rtl.operators.float_difference_of_products import FloatDifferenceOfProducts

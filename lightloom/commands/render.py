@@ -129,12 +129,12 @@ def render(
     from golden_model.budget import BudgetPolicy
     from golden_model.charts import unwrap
     from golden_model.frame_shader import FrameShading
-    from golden_model.gather import Sampling
     from golden_model.machine import Machine
     from golden_model.mesh_charts import default_cache
     from golden_model.outputs import whole_folder
     from golden_model.rasterizer import Rasterization
     from golden_model.renderer import Pipeline, Renderer
+    from golden_model.sampling_settings import Sampling
     from golden_model.scene import require_light
     from golden_model.scene_load import load_scene
     from golden_model.structure import Structure

@@ -4,7 +4,7 @@ from typing import Any
 
 from amaranth import Cat, Module, Signal, Value
 
-from rtl.operators.fields import FloatFormat
+from rtl.float_format import FloatFormat
 from rtl.operators.shifts import leading_zeros, shift_left
 from rtl.pipeline import Step, StepCore
 

@@ -4,7 +4,8 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
-from rtl.operators.fields import FloatFormat, add_with_carry, rounded, unpack
+from rtl.float_format import FloatFormat
+from rtl.operators.fields import add_with_carry, rounded, unpack
 from rtl.operators.shifts import leading_zeros, shift_left, shift_right
 from rtl.pipeline import Step, StepCore
 

@@ -4,7 +4,8 @@ from typing import Any
 
 from amaranth import Module, Mux, Signal, Value
 
-from rtl.operators.fields import FLOAT32, FloatFormat, unpack
+from rtl.float_format import FLOAT32, FloatFormat
+from rtl.operators.fields import unpack
 from rtl.pipeline import Step, StepCore
 
 

@@ -15,8 +15,9 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
+from rtl.float_format import FLOAT32, FloatFormat
 from rtl.operators import product
-from rtl.operators.fields import FLOAT32, FloatFormat, add_with_carry, unpack
+from rtl.operators.fields import add_with_carry, unpack
 from rtl.operators.float_add import count, round_sum
 from rtl.operators.shifts import shift_left, shift_right
 from rtl.pipeline import Step, StepCore

@@ -5,8 +5,9 @@ from typing import Any
 
 from amaranth import Const, Module, Mux, Signal, Value
 
+from rtl.float_format import FLOAT32, FloatFormat
 from rtl.operators import product
-from rtl.operators.fields import FLOAT32, FloatFormat, rounded, unpack
+from rtl.operators.fields import rounded, unpack
 from rtl.pipeline import Step, StepCore
 
 

@@ -4,7 +4,8 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
-from rtl.operators.fields import FloatFormat, rounded, unpack
+from rtl.float_format import FloatFormat
+from rtl.operators.fields import rounded, unpack
 from rtl.pipeline import Step, StepCore
 
 

@@ -4,7 +4,8 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
 
-from rtl.operators.fields import FloatFormat, unpack
+from rtl.float_format import FloatFormat
+from rtl.operators.fields import unpack
 from rtl.operators.shifts import shift_right
 from rtl.pipeline import Step, StepCore
 

@@ -4,7 +4,8 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
-from rtl.operators.fields import FloatFormat, packed
+from rtl.float_format import FloatFormat
+from rtl.operators.fields import packed
 from rtl.operators.float_to_half import REBIAS
 from rtl.operators.shifts import leading_zeros, shift_left
 from rtl.pipeline import Step, StepCore

@@ -7,43 +7,16 @@ from amaranth.lib import data, wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import HIT, LEAF_RAY, TIME_BITS, TRIANGLE_HIT
+from golden_model.formats import LEAF_RAY, TIME_BITS, TRIANGLE_HIT
 from rtl.config import Config
 from rtl.layouts import layout_of
 from rtl.operators.float_compare import compare
-from rtl.queues import Queue, number_width
+from rtl.queues import Queue
 from rtl.ray_time import RayTime
+from rtl.traversal.records import ERROR_BITS, Ports, beside_layout, context_bits
 
-ERROR_BITS = 3
-"""Bits of a code of TRACE_ERRORS."""
 TIMED = ("t_max", "rate", "scale")
 """The fields of LEAF_RAY that give the box test's distance of t_max."""
-
-
-def context_bits(config: Config) -> int:
-    """Bits of a context's number."""
-    return number_width(config.contexts)
-
-
-def beside_layout(config: Config) -> data.StructLayout:
-    """What travels beside the ray-triangle core."""
-    context = context_bits(config)
-    return data.StructLayout(
-        {"context": context, "primitive": 32, "any_hit": 1, "tested": 1, "last": 1, "error": ERROR_BITS}
-    )
-
-
-class Ports:
-    """The signatures that the leaf stage and its parts share; a strobe is taken or missed while it is valid."""
-
-    def __init__(self, config: Config):
-        context = context_bits(config)
-        self.started = wiring.Signature({"valid": Out(1), "context": Out(context)})
-        self.done = wiring.Signature(
-            {"valid": Out(1), "context": Out(context), "hit": Out(1), "error": Out(ERROR_BITS)}
-        )
-        self.time_read = wiring.Signature({"context": Out(context), "time": In(TIME_BITS)})
-        self.hit_read = wiring.Signature({"context": Out(context), "hit": In(layout_of(HIT))})
 
 
 class BestHits(wiring.Component):

@@ -14,11 +14,13 @@ from golden_model.formats import TIME_BITS, TRACE_ERRORS, WIDTH
 from rtl.config import Config
 from rtl.one_hot import lowest, next_of, number_of
 from rtl.queues import Buffer
-from rtl.traversal.best_hits import ERROR_BITS, Ports, context_bits
 from rtl.traversal.masks import Counts, minus, one_hot, plus, replace
 from rtl.traversal.records import (
     ADDRESS_BITS,
+    ERROR_BITS,
     RANK_BITS,
+    Ports,
+    context_bits,
     failure,
     height_bits,
     leaf_visit,

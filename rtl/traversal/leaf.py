@@ -11,7 +11,8 @@ from golden_model.formats import BLOCK_BYTES, LEAF_RAY, TRACE_ERRORS, TRIANGLE_B
 from rtl.config import Config
 from rtl.layouts import layout_of
 from rtl.ray_triangle import RayTriangle, RayTriangleHalf
-from rtl.traversal.best_hits import ERROR_BITS, TIMED, BestHits, Ports, beside_layout, context_bits
+from rtl.traversal.best_hits import TIMED, BestHits
+from rtl.traversal.records import ERROR_BITS, Ports, beside_layout, context_bits
 
 CORNER_BITS = 96
 TESTED = ("origin", "shear", "t_min", "axis", "flip", "cull")

@@ -13,8 +13,16 @@ from rtl.config import Config
 from rtl.layouts import layout_of
 from rtl.node_test import NodeTest
 from rtl.pipeline import register
-from rtl.traversal.best_hits import ERROR_BITS, Ports, context_bits
-from rtl.traversal.records import ADDRESS_BITS, NODE_RAY, node_result, node_visit, strobe
+from rtl.traversal.records import (
+    ADDRESS_BITS,
+    ERROR_BITS,
+    NODE_RAY,
+    Ports,
+    context_bits,
+    node_result,
+    node_visit,
+    strobe,
+)
 
 TESTED = ("count", "exponent", "origin", "lower_x", "lower_y", "lower_z", "upper_x", "upper_y", "upper_z")
 """What the node test needs of a block; it is called the same in NODE_TEST."""

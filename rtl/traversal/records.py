@@ -2,19 +2,26 @@
 
 import numpy as np
 from amaranth.lib import data, wiring
-from amaranth.lib.wiring import Out
+from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import BOX_RAY, NODE_HITS, NODE_TEST, TIME_BITS, WIDTH
+from golden_model.formats import BOX_RAY, HIT, NODE_HITS, NODE_TEST, TIME_BITS, WIDTH
 from rtl.config import Config
 from rtl.layouts import layout_of
-from rtl.traversal.best_hits import ERROR_BITS, context_bits
+from rtl.queues import number_width
 
+ERROR_BITS = 3
+"""Bits of a code of TRACE_ERRORS."""
 ADDRESS_BITS = 32
 """Of a block's number."""
 RANK_BITS = 3
 
 NODE_RAY = np.dtype([(name, BOX_RAY[name]) for name in BOX_RAY.names or () if name in (NODE_TEST.names or ())])
 """What the node test needs of a ray."""
+
+
+def context_bits(config: Config) -> int:
+    """Bits of a context's number."""
+    return number_width(config.contexts)
 
 
 def height_bits(config: Config) -> int:
@@ -82,3 +89,24 @@ def strobe(layout: data.StructLayout) -> wiring.Signature:
 def failure(config: Config) -> data.StructLayout:
     """Why a ray failed (TRACE_ERRORS), and the block that made it fail."""
     return data.StructLayout({"context": context_bits(config), "error": ERROR_BITS, "block": ADDRESS_BITS})
+
+
+def beside_layout(config: Config) -> data.StructLayout:
+    """What travels beside the ray-triangle core."""
+    context = context_bits(config)
+    return data.StructLayout(
+        {"context": context, "primitive": 32, "any_hit": 1, "tested": 1, "last": 1, "error": ERROR_BITS}
+    )
+
+
+class Ports:
+    """The signatures that the leaf stage and its parts share; a strobe is taken or missed while it is valid."""
+
+    def __init__(self, config: Config):
+        context = context_bits(config)
+        self.started = wiring.Signature({"valid": Out(1), "context": Out(context)})
+        self.done = wiring.Signature(
+            {"valid": Out(1), "context": Out(context), "hit": Out(1), "error": Out(ERROR_BITS)}
+        )
+        self.time_read = wiring.Signature({"context": Out(context), "time": In(TIME_BITS)})
+        self.hit_read = wiring.Signature({"context": Out(context), "hit": In(layout_of(HIT))})

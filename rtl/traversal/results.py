@@ -8,9 +8,8 @@ from amaranth.lib.wiring import In, Out
 from golden_model.formats import HIT, RAY_RESULT, TRACE_ERRORS
 from rtl.config import Config
 from rtl.layouts import packet_of
-from rtl.traversal.best_hits import Ports, context_bits
 from rtl.traversal.intake import ray_status
-from rtl.traversal.records import failure, strobe
+from rtl.traversal.records import Ports, context_bits, failure, strobe
 
 
 class Results(wiring.Component):

@@ -21,7 +21,7 @@ from gen.formal.properties import Bounded, Induction, Outcome, Property
 from gen.formal.small_floats import SmallFormat
 from gen.formal.solve import solve
 from gen.formal.streams import Tracker, held
-from rtl.operators.fields import FloatFormat
+from rtl.float_format import FloatFormat
 from rtl.operators.float_multiply import FloatMultiply
 
 

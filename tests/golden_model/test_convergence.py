@@ -14,7 +14,6 @@ from golden_model.assemble import assemble
 from golden_model.cornell_box import cornell_box
 from golden_model.directions import tangent_of
 from golden_model.formats import TEXEL
-from golden_model.gather import Sampling
 from golden_model.lightmap import VALID
 from golden_model.lights import lights_of
 from golden_model.parts import Part
@@ -23,6 +22,7 @@ from golden_model.policy import POLICIES
 from golden_model.ray_offset import ray_start
 from golden_model.renderer import Renderer
 from golden_model.sampling import Update, indirect_share, light_met, texel_rays
+from golden_model.sampling_settings import Sampling
 from golden_model.scene import Scene
 from golden_model.scene_load import load_scene
 from golden_model.structure import Structure

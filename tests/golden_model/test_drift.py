@@ -16,9 +16,9 @@ from golden_model import maintenance
 from golden_model.blend import blend_texels
 from golden_model.cornell_box import cornell_box
 from golden_model.drift import departures
-from golden_model.gather import Sampling
 from golden_model.policy import Policy
 from golden_model.renderer import Renderer
+from golden_model.sampling_settings import Sampling
 from golden_model.scene import Scene
 from tests.golden_model.moving_scenes import scene_of
 

@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from golden_model import maintenance
 from golden_model.charts import unwrap
 from golden_model.frame_shader import FrameShading
-from golden_model.gather import Sampling, gather
+from golden_model.gather import gather
 from golden_model.lightmap import Lightmaps
 from golden_model.policy import POLICIES, Policy
 from golden_model.recorder import TestRecorder
 from golden_model.renderer import FrameResult, Pipeline, Renderer
+from golden_model.sampling_settings import Sampling
 from golden_model.scene import Scene
 from golden_model.structure import Structure
 from golden_model.traversal import backend_of

@@ -7,11 +7,11 @@ import pytest
 
 from golden_model.charts import unwrap
 from golden_model.floats import half_to_float
-from golden_model.gather import Sampling
 from golden_model.lightmap import VALID
 from golden_model.policy import POLICIES
 from golden_model.reference import Reference
 from golden_model.renderer import Renderer
+from golden_model.sampling_settings import Sampling
 from golden_model.structure import Structure
 from tests.golden_model.moving_scenes import scene_of
 

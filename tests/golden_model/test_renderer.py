@@ -12,12 +12,12 @@ from golden_model.bvh import build
 from golden_model.cornell_box import cornell_box
 from golden_model.errors import InputError
 from golden_model.floats import half_to_float
-from golden_model.gather import Sampling
 from golden_model.irradiance import irradiance
 from golden_model.lightmap import VALID, bilinear, lightmap_coordinates
 from golden_model.parts import Part
 from golden_model.policy import POLICIES
 from golden_model.renderer import Pipeline, Renderer, render
+from golden_model.sampling_settings import Sampling
 from golden_model.scene import Scene
 from golden_model.shading import readable
 from golden_model.traversal import trace

@@ -9,11 +9,11 @@ import pytest
 from golden_model import bitpack, formats
 from golden_model.collector import Packing
 from golden_model.directions import COUNT, ROTATIONS
-from golden_model.gather import Sampling
 from golden_model.policy import Policy
 from golden_model.priority import class_table
 from golden_model.rasterizer import Rasterization
 from golden_model.regions import SIDE, SIDE_LEVELS
+from golden_model.sampling_settings import Sampling
 
 AMOUNT = re.compile(r"(?:(\d[\d,]*) )?`([A-Z_]+)(?:\.(\w+))?`|(\d[\d,]*) (float32|bits?)")
 """So many records of a format or fields of it; or plain bits and float32."""

@@ -15,8 +15,8 @@ from golden_model.formats import TRACE_ERRORS
 from rtl.config import PRESETS, Config
 from rtl.ray_time import RayTime
 from rtl.ray_triangle import RayTriangle, RayTriangleHalf
-from rtl.traversal.best_hits import ERROR_BITS
 from rtl.traversal.leaf import LeafStage
+from rtl.traversal.records import ERROR_BITS
 from sim import toolchain
 from sim.runner import run_cocotb
 from tests.simulators import SIMULATORS, needs_icarus

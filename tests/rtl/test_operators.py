@@ -16,7 +16,7 @@ from golden_model.interfaces import OPERATORS
 from golden_model.models import MODELS
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS, Config
-from rtl.operators.fields import FLOAT32
+from rtl.float_format import FLOAT32
 from rtl.pipeline import StepCore, StreamUnit
 from sim.bulk import BulkUnit
 from tests.softfloat import softfloat_results
