@@ -9,8 +9,9 @@ brute force agree in all bits. Both backends also visit the same nodes and make 
   pipeline that has the first one's result only when the last has long been started.
 """
 
-from importlib import import_module
+from collections.abc import Callable
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
 
@@ -54,8 +55,7 @@ def trace(
     triangle is met first depends on the tree. Triangles are two-sided. A ray that `ray_setup` calls invalid misses.
     `recorder` counts and samples the ray-triangle tests.
     """
-    # Imported when needed: numba takes half a second to load.
-    chunk = import_module(f"golden_model.traversal_{backend_of(backend)}").trace_chunk
+    chunk = _chunk_tracer(backend)
     hits = np.zeros(len(rays), dtype=HIT)
     hits["primitive"] = -1
     for start in range(0, len(rays) if len(bvh.count) else 0, CHUNK):
@@ -72,3 +72,14 @@ def trace(
         if recorder is not None:
             recorder.rays += len(part)
     return hits
+
+
+def _chunk_tracer(backend: str) -> Callable[..., Any]:
+    """What traces a chunk of rays. Imported when needed: numba takes half a second to load."""
+    if backend_of(backend) == "numba":
+        from golden_model import traversal_numba
+
+        return traversal_numba.trace_chunk
+    from golden_model import traversal_numpy
+
+    return traversal_numpy.trace_chunk

@@ -5,8 +5,8 @@ The hits depend on rays and triangles alone, like those of `traversal.trace`; th
 that lets a ray make one visit at a time has the same ones.
 """
 
-from collections.abc import Iterable
-from importlib import import_module
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 
@@ -56,8 +56,7 @@ def trace_tree(
     entries, and then all rays fail. For `bad_blocks`, as for all beyond the last, the memory answers with an error.
     Whatever the blocks hold, every ray comes back: with its hit, or failed.
     """
-    # Imported when needed: numba takes half a second to load.
-    chunk = import_module(f"golden_model.wide_traversal_{backend_of(backend)}").trace_chunk
+    chunk = _chunk_tracer(backend)
     tree = tree_blocks(blocks, width=width, stack=stack, unreadable=bad_blocks)
     results = np.zeros(len(queries), dtype=RAY_RESULT)
     counts = np.zeros(len(queries), dtype=COUNTS)
@@ -94,3 +93,14 @@ def _box_setups(queries: np.ndarray, prepared: np.ndarray, header: np.ndarray) -
     setups["direction"] = queries["direction"]
     setups["lattice_origin"], setups["lattice_exponent"] = header["lattice_origin"], header["lattice_exponent"]
     return setups
+
+
+def _chunk_tracer(backend: str) -> Callable[..., Any]:
+    """What traces a chunk of rays. Imported when needed: numba takes half a second to load."""
+    if backend_of(backend) == "numba":
+        from golden_model import wide_traversal_numba
+
+        return wide_traversal_numba.trace_chunk
+    from golden_model import wide_traversal_numpy
+
+    return wide_traversal_numpy.trace_chunk

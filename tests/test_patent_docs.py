@@ -5,11 +5,10 @@ import dataclasses
 import importlib
 import re
 from functools import cache
-from pathlib import Path
 
 from rtl.catalogue import CATALOGUE
+from tests import ROOT
 
-ROOT = Path(__file__).parent.parent
 PAGE = (ROOT / "docs" / "patent.md").read_text(encoding="utf-8")
 OPTIONS = set(re.findall(r"^  (--[\w-]+)", (ROOT / "docs" / "command-line.md").read_text(encoding="utf-8"), re.M))
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
+from tests import ROOT
 
 # What each room may import of our own; a trailing part narrows it (`rtl` may use the model's tables, not its renderer).
 MODEL_TABLES = {"golden_model.formats", "golden_model.interfaces"}

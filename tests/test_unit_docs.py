@@ -1,7 +1,6 @@
 """The tables in docs/UNIT.md say what the formats and the hardware say."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +9,9 @@ from golden_model import bitpack
 from golden_model.interfaces import UNITS
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
+from tests import ROOT
 
-DOCS = Path(__file__).parent.parent / "docs"
+DOCS = ROOT / "docs"
 PAGES = {unit: DOCS / f"{unit}.md" for unit in UNITS}
 TIMED = [unit for unit, page in PAGES.items() if page.exists() and "| preset | latency" in page.read_text("utf-8")]
 DOCUMENTED = [unit for unit, page in PAGES.items() if page.exists() and "| input field |" in page.read_text("utf-8")]

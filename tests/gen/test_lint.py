@@ -10,9 +10,10 @@ import pytest
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
 from sim import toolchain
+from tests import ROOT
 from tests.simulators import needs_icarus
 
-WAIVERS = Path(__file__).parents[2] / "gen" / "lint.vlt"
+WAIVERS = ROOT / "gen" / "lint.vlt"
 
 SLANG_WAIVERS: dict[str, str] = {
     "unused-but-set-net": "Verilator looks for these, and gen/lint.vlt says which may stay",

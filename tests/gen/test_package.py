@@ -14,6 +14,7 @@ from golden_model.errors import InputError
 from lightloom.packaging import CLOCKS, package_units
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
+from tests import ROOT
 from tests.simulators import needs_icarus
 
 UNITS = ["float_compare", "half_to_float", "ray_time"]
@@ -131,7 +132,7 @@ def test_manifest_and_checksums_name_every_file(tiny: Path) -> None:
 
 
 def test_no_path_of_this_machine(tiny: Path) -> None:
-    root = str(Path(__file__).parents[2])
+    root = str(ROOT)
     for path in tiny.rglob("*"):
         if path.is_file():
             assert root.encode() not in path.read_bytes(), path

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from tests import ROOT
 from verif import ray_vectors
 
-BUNNY = Path(__file__).parents[2] / "build/meshes/bunny.obj"
+BUNNY = ROOT / "build/meshes/bunny.obj"
 DRAGON = BUNNY.with_name("dragon.ply")
 
 

@@ -3,7 +3,6 @@
 import re
 from dataclasses import asdict, replace
 from fractions import Fraction
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from golden_model.cornell_box import cornell_box
 from golden_model.errors import InputError
 from golden_model.floats import float_to_fixed
 from golden_model.formats import BLEND, TEXEL_STATE
+from tests import ROOT
 
 
 def rounded(value: Fraction) -> np.float32:
@@ -212,7 +212,7 @@ def test_accumulation_saturates_a_contribution_not_the_sum() -> None:
 
 
 def test_documented_parameters_are_those_that_exist() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "update.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "update.md").read_text(encoding="utf-8")
     rows = dict(re.findall(r"^\| `(\w+)` \| ([\d.]+) \| [\d.]+ to [\d.]+ \|$", page, re.MULTILINE))
     assert {name: float(value) for name, value in rows.items()} == pytest.approx(asdict(Blending()))
 

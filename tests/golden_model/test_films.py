@@ -20,8 +20,9 @@ from golden_model.rasterizer import Mesh, draw
 from golden_model.scene import RenderDefaults, Scene
 from golden_model.scene_load import load_scene
 from golden_model.structure import Structure
+from tests import ROOT
 
-SCENES = Path(__file__).parents[2] / "scenes"
+SCENES = ROOT / "scenes"
 BUNNY = SCENES.parent / "build" / "meshes" / "bunny.obj"
 FILMS = ["moving-viewpoint", "introduced-object", "light-switch", "door", "spheres"]
 SIZE = 240, 160

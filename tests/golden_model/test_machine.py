@@ -3,13 +3,13 @@
 import re
 from collections.abc import Callable
 from dataclasses import fields
-from pathlib import Path
 
 import pytest
 
 from golden_model.budget import BudgetPolicy
 from golden_model.errors import InputError
 from golden_model.machine import RESOURCES, STAGES, FrameCounts, Machine, RayCounts, load, work
+from tests import ROOT
 
 
 def test_work_is_counts_times_cycles_over_units_rounded_up() -> None:
@@ -66,7 +66,7 @@ def test_what_is_out_of_range_is_named(make: Callable[[], object], said: str) ->
 
 @pytest.mark.parametrize("options", [Machine, BudgetPolicy])
 def test_the_page_has_every_parameter_with_its_default_and_range(options: type) -> None:
-    page = (Path(__file__).parents[2] / "docs" / "machine.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "machine.md").read_text(encoding="utf-8")
     rows = {
         row[0]: row[1:] for row in re.findall(r"^\| `(\w+)` \| ([^|]+) \| ([^|]+) to ([^|]+) \|", page, re.MULTILINE)
     }

@@ -21,9 +21,10 @@ from golden_model.formats import (
 from golden_model.memory_image import load_tree, pack_image, unpack_image
 from golden_model.tree_check import validate_tree
 from golden_model.wide_bvh import WideBvh, build_wide
+from tests import ROOT
 from tests.golden_model.tracing_cases import random_soup
 
-PAGE = Path(__file__).parents[2] / "docs" / "memory_image.md"
+PAGE = ROOT / "docs" / "memory_image.md"
 BLOCKS = ("IMAGE_HEADER", "SECTION", "BVH_HEADER", "NODE_BLOCK", "TRIANGLE_BLOCK")
 
 

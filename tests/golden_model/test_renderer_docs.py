@@ -1,7 +1,6 @@
 """The tables in docs/renderer.md say what the formats say: fields, and bytes read and written."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,11 +13,12 @@ from golden_model.priority import class_table
 from golden_model.rasterizer import Rasterization
 from golden_model.regions import SIDE, SIDE_LEVELS
 from golden_model.sampling_settings import Sampling
+from tests import ROOT
 
 AMOUNT = re.compile(r"(?:(\d[\d,]*) )?`([A-Z_]+)(?:\.(\w+))?`|(\d[\d,]*) (float32|bits?)")
 """So many records of a format or fields of it; or plain bits and float32."""
 
-PAGE = (Path(__file__).parents[2] / "docs" / "renderer.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "renderer.md").read_text(encoding="utf-8")
 
 
 def described(dtype: np.dtype) -> list[tuple[str, str]]:

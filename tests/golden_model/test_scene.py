@@ -19,8 +19,9 @@ from golden_model.mesh import area_vectors, shading_normals
 from golden_model.motion import scene_at
 from golden_model.scene import Scene, require_light
 from golden_model.scene_load import load_scene
+from tests import ROOT
 
-SCENES = Path(__file__).parents[2] / "scenes"
+SCENES = ROOT / "scenes"
 CUBE_OBJ = """# a unit cube of quads
 mtllib cube.mtl
 v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1

@@ -2,13 +2,13 @@
 
 import re
 from dataclasses import fields
-from pathlib import Path
 
 from golden_model import formats
 from golden_model.policy import INFLUENCES, POLICIES, RANGES, Policy
+from tests import ROOT
 from tests.golden_model.test_renderer_docs import described
 
-PAGE = (Path(__file__).parents[2] / "docs" / "selection.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "selection.md").read_text(encoding="utf-8")
 
 
 def written(value: object) -> str:

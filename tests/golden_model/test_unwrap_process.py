@@ -19,8 +19,7 @@ from golden_model.planar_charts import GAP, ObjectCharts
 from golden_model.scene_load import load_scene
 from golden_model.shapes import icosphere
 from golden_model.unwrap_process import KilledError, Unwrapper
-
-ROOT = Path(unwrap_process.__file__).parents[1]
+from tests import ROOT
 
 FAILING = {
     "crashes": "os.kill(os.getpid(), signal.SIGSEGV)",

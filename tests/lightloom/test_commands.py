@@ -22,6 +22,7 @@ from lightloom import documentation
 from lightloom.cli import app
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
+from tests import ROOT
 
 from .conftest import PROGRAM, Run, files_below
 
@@ -33,12 +34,12 @@ EXAMPLE = re.compile(r"^ +(lightloom .*)$", re.MULTILINE)
 
 
 def test_page_is_the_programs_help() -> None:
-    page = Path(__file__).parents[2] / "docs" / "command-line.md"
+    page = ROOT / "docs" / "command-line.md"
     assert page.read_text() == documentation.page() + "\n", "renew it: python -m lightloom.documentation > docs/…"
 
 
 def test_the_table_of_parameters_is_the_programs() -> None:
-    page = Path(__file__).parents[2] / "docs" / "emission.md"
+    page = ROOT / "docs" / "emission.md"
     table = re.search(r"^\| parameter \|.*?(?=\n\n)", page.read_text(), re.MULTILINE | re.DOTALL)
     assert table is not None
     assert table[0] == documentation.parameters(), "renew it: python -m lightloom.documentation parameters"

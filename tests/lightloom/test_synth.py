@@ -16,10 +16,11 @@ from lightloom.machine import commands_at
 from lightloom.results import parts
 from rtl.catalogue import CATALOGUE
 from rtl.config import PRESETS
+from tests import ROOT
 
 from .conftest import Run
 
-TWELVE = Path(__file__).parent.parent / "gen" / "twelve.lib"
+TWELVE = ROOT / "tests" / "gen" / "twelve.lib"
 UNIT = "float_compare"
 
 
@@ -194,7 +195,7 @@ def test_commands_stand_under_their_commits() -> None:
 
 
 def test_a_report_has_the_commit_of_this_checkout(cli: Run) -> None:
-    if (Path(__file__).parents[2] / ".git").exists():
+    if (ROOT / ".git").exists():
         assert re.fullmatch(r"[0-9a-f]{10,40}(-dirty)?", HERE["commit"])
     report = json.loads(cli("synth", UNIT, "--preset", "tiny", "--json").out)
     assert report["versions"].get("commit") == HERE.get("commit")

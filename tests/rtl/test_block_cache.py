@@ -18,11 +18,12 @@ from rtl.block_cache import CROWD, PATIENCE, BlockCache
 from rtl.queues import number_width
 from sim import toolchain, verilated
 from sim.runner import BenchError, run_cocotb
+from tests import ROOT
 from tests.gen.test_lint import WAIVERS, lint
 from tests.rtl.axi_slave import AxiSlave, Wrong, wrong_ends
 from tests.simulators import SIMULATORS, needs_icarus
 
-SIM = Path(__file__).parents[2] / "sim"
+SIM = ROOT / "sim"
 SYSTEM, MEMORY = SIM / "block_cache_system.v", SIM / "axi_memory.v"
 SEED = 64
 CACHES: dict[str, dict[str, int]] = {

@@ -19,11 +19,12 @@ from rtl.traversal.leaf import LeafStage
 from rtl.traversal.records import ERROR_BITS
 from sim import toolchain
 from sim.runner import run_cocotb
+from tests import ROOT
 from tests.simulators import SIMULATORS, needs_icarus
 
 SEED = 1997
-WAIVERS = Path(__file__).parents[2] / "gen" / "lint.vlt"
-PAGE = Path(__file__).parents[2] / "docs" / "leaf_stage.md"
+WAIVERS = ROOT / "gen" / "lint.vlt"
+PAGE = ROOT / "docs" / "leaf_stage.md"
 RAYS = {"verilator": 800, "icarus": 60}
 
 

@@ -3,7 +3,6 @@
 import dataclasses
 import gc
 import warnings
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,10 +18,11 @@ from rtl.config import PRESETS, Config
 from rtl.float_format import FLOAT32
 from rtl.pipeline import StepCore, StreamUnit
 from sim.bulk import BulkUnit
+from tests import ROOT
 from tests.softfloat import softfloat_results
 from tests.vectors import corner_vectors, differences, random_vectors
 
-DOCUMENTATION = Path(__file__).parents[2] / "docs" / "operators.md"
+DOCUMENTATION = ROOT / "docs" / "operators.md"
 SEED = 20250102
 RANDOM = 200_000
 DEPTHS = [field.name for field in dataclasses.fields(Config) if field.name.endswith("_depth")]

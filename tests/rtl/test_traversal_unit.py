@@ -36,6 +36,7 @@ from rtl.traversal.masks import Counts, minus, one_hot, plus
 from rtl.traversal.unit import Traversal
 from sim.emitted import emitted
 from sim.traversal import TraversalRun, TraversalUnit
+from tests import ROOT
 from tests.gen.test_lint import WAIVERS, lint
 from tests.rtl.agreement import fields_in_hex
 from tests.rtl.axi_slave import AxiSlave, Wrong
@@ -513,6 +514,6 @@ def test_lint(tmp_path: Path) -> None:
 
 
 def test_every_counter_is_documented() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "traversal_unit.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "traversal_unit.md").read_text(encoding="utf-8")
     for name, meaning in COUNTERS.items():
         assert f"| `{name}` | {meaning} |" in page

@@ -9,9 +9,10 @@ import pytest
 
 from sim import toolchain
 from sim.runner import BenchError, run_cocotb
+from tests import ROOT
 from tests.simulators import SIMULATORS, needs_icarus
 
-SIM = Path(__file__).parent.parent.parent / "sim"
+SIM = ROOT / "sim"
 VERILOG = (SIM / "axi_memory.v").read_text(encoding="utf-8")
 SEED = 38
 MEMORY_BITS, QUEUE, ID_WIDTH = 14, 40, 4
