@@ -10,7 +10,7 @@ from sim.emitted import emitted
 from sim.runner import run_cocotb
 from sim.traversal import port_widths
 
-MODULES = "verif.test_traversal,verif.test_traversal_wrong,verif.test_traversal_memory"
+MODULES = ",".join(("verif.test_traversal", "verif.test_traversal_wrong", "verif.test_traversal_memory"))
 SEED = 2718
 TAGS = 14
 """Bits of a tag: every ray of a test has its own."""

@@ -220,8 +220,10 @@ def test_no_process_is_left_behind(tmp_path: Path, end_of_parent: str) -> None:
         )
     )
     caller = (
-        "from pathlib import Path\nfrom golden_model.mesh_charts import mesh_charts\n"
-        "from golden_model.shapes import icosphere\nfrom golden_model.unwrap_process import Unwrapper\n"
+        "from pathlib import Path\n"
+        "from golden_model.mesh_charts import mesh_charts\n"
+        "from golden_model.shapes import icosphere\n"
+        "from golden_model.unwrap_process import Unwrapper\n"
         f"with Unwrapper(Path({str(child)!r})) as process:\n"
         "    mesh_charts(icosphere(3).astype('float32'), 0.1, unwrapper=process)\n"
     )
