@@ -262,8 +262,8 @@ def test_irradiance(cli: Run, tmp_path: Path, room: Path) -> None:
 @pytest.mark.usefixtures("quick_verilog")
 def test_bench(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """It runs and has its keys; how fast is no matter of tests."""
-    for module in ("bench_tracing", "bench_frames"):
-        monkeypatch.setattr(f"lightloom.{module}.BUNNY", Path("no such file"))
+    for module in ("lightloom.bench_tracing", "lightloom.bench_frames"):
+        monkeypatch.setattr(f"{module}.BUNNY", Path("no such file"))
     outcome = cli("bench", "--vectors", 1000, "--rays", 200, "--json")
     assert outcome.code == 0, outcome
     report = json.loads(outcome.out)
