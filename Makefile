@@ -63,8 +63,8 @@ bench: setup ## measure: vectors a second, rays a second, emission time
 	$(BIN)/lightloom bench
 
 results: setup ## measure what docs/results.md shows, with the PDKs below PDK_ROOT (hours; goes on where it was)
-	$(BIN)/python -m lightloom.results --pdk-root $(PDK_ROOT)
-	$(BIN)/python -m lightloom.results_page build/results/*.json > docs/results.md
+	$(BIN)/python -m lightloom.pages.measure --pdk-root $(PDK_ROOT)
+	$(BIN)/python -m lightloom.pages.results build/results/*.json > docs/results.md
 
 emit: $(READY) ## Verilog and manifests of every unit into build/verilog/
 	$(BIN)/lightloom emit --out build/verilog

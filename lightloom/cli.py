@@ -17,7 +17,6 @@ from typing import Annotated, TextIO
 import typer
 from typer.main import get_command
 
-from golden_model.errors import InputError, InputWarning
 from lightloom.commands import (
     bench,
     compare,
@@ -35,7 +34,8 @@ from lightloom.commands import (
     synth,
     trace,
 )
-from rtl.config import ConfigError
+from lightloom.golden_model.host.errors import InputError, InputWarning
+from lightloom.rtl.config import ConfigError
 
 DIFFERENT, BAD_INPUT, OWN_FAULT, INTERRUPTED, TERMINATED = 1, 2, 70, 130, 143
 

@@ -4,8 +4,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from golden_model.outputs import whole_folder
-from lightloom.console import Progress, json_text
+from lightloom.golden_model.host.outputs import whole_folder
+from lightloom.shared.console import Progress, json_text
 
 UNIT = "ray_triangle"
 PRESET = "base"
@@ -40,20 +40,20 @@ class DemoOptions:
 
 def demo(options: DemoOptions, out: Path, progress: Progress) -> dict[str, Any]:
     """Writes the demo's folder, whole or not at all, and returns what is in its report.json."""
-    from gen.report import report_page
-    from golden_model.recorder import TestRecorder
-    from golden_model.renderer import Renderer
-    from golden_model.sampling_settings import Sampling
-    from golden_model.scene_load import load_scene
-    from golden_model.traversal import backend_of
-    from lightloom.emission import emit_units
-    from lightloom.machine import machine, versions
-    from lightloom.replay import replay
-    from lightloom.sequence import Pictures, contact_sheet, looped, render_sequence
-    from rtl.catalogue import CATALOGUE
-    from rtl.config import PRESETS
-    from sim.bulk import BulkUnit
-    from sim.toolchain import compiler, verilator
+    from lightloom.gen.pages.report import report_page
+    from lightloom.golden_model.maintenance.sampling.settings import Sampling
+    from lightloom.golden_model.renderer import Renderer
+    from lightloom.golden_model.scene.files.load import load_scene
+    from lightloom.golden_model.tracing.bvh.traversal import backend_of
+    from lightloom.golden_model.tracing.recorder import TestRecorder
+    from lightloom.hardware.describe import emit_units
+    from lightloom.hardware.replay import replay
+    from lightloom.render.sequence import Pictures, contact_sheet, looped, render_sequence
+    from lightloom.rtl.catalogue import CATALOGUE
+    from lightloom.rtl.config import PRESETS
+    from lightloom.shared.provenance import machine, versions
+    from lightloom.sim.bulk import BulkUnit
+    from lightloom.sim.toolchain import compiler, verilator
 
     sampling = Sampling(directions=options.directions, light_samples=options.light_samples)
     scene = looped(load_scene("cornell-box"), options.frames)

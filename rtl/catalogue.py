@@ -6,25 +6,25 @@ from collections.abc import Callable
 
 from amaranth.lib import wiring
 
-from rtl.box_setup import BoxSetup
-from rtl.config import Config
-from rtl.node_test import NodeTest
-from rtl.operators.fixed_to_float import FixedToFloat
-from rtl.operators.float_add import FloatAdd
-from rtl.operators.float_compare import FloatCompare
-from rtl.operators.float_difference_of_products import FloatDifferenceOfProducts
-from rtl.operators.float_divide import FloatDivide
-from rtl.operators.float_minmax import FloatMinmax
-from rtl.operators.float_multiply import FloatMultiply
-from rtl.operators.float_sqrt import FloatSqrt
-from rtl.operators.float_to_fixed import FloatToFixed
-from rtl.operators.float_to_half import FloatToHalf
-from rtl.operators.half_to_float import HalfToFloat
-from rtl.pipeline import Core, StreamUnit
-from rtl.ray_setup import RaySetup
-from rtl.ray_time import RayTime
-from rtl.ray_triangle import RayTriangle, RayTriangleHalf
-from rtl.traversal.array import traversal
+from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.pipeline import Core, StreamUnit
+from lightloom.rtl.intersection.box_setup import BoxSetup
+from lightloom.rtl.intersection.node_test import NodeTest
+from lightloom.rtl.intersection.ray_setup import RaySetup
+from lightloom.rtl.intersection.ray_time import RayTime
+from lightloom.rtl.intersection.ray_triangle import RayTriangle, RayTriangleHalf
+from lightloom.rtl.operators.fixed_to_float import FixedToFloat
+from lightloom.rtl.operators.float_add import FloatAdd
+from lightloom.rtl.operators.float_compare import FloatCompare
+from lightloom.rtl.operators.float_difference_of_products import FloatDifferenceOfProducts
+from lightloom.rtl.operators.float_divide import FloatDivide
+from lightloom.rtl.operators.float_minmax import FloatMinmax
+from lightloom.rtl.operators.float_multiply import FloatMultiply
+from lightloom.rtl.operators.float_sqrt import FloatSqrt
+from lightloom.rtl.operators.float_to_fixed import FloatToFixed
+from lightloom.rtl.operators.float_to_half import FloatToHalf
+from lightloom.rtl.operators.half_to_float import HalfToFloat
+from lightloom.rtl.traversal.array import traversal
 
 
 def _stream(core: Callable[[Config], Core]) -> Callable[[Config], StreamUnit]:

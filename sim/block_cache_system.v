@@ -1,4 +1,4 @@
-// A block cache on the memory of the simulations, with counters of its events: what verif/test_block_cache.py and
+// A block cache on the memory of the simulations, with counters of its events: what verif/benches/test_block_cache.py and
 // sim/block_cache_system.cpp drive. TAG_BITS, DATA_BITS and ID_BITS are those of the cache.
 
 `default_nettype none

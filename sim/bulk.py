@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from gen.manifest import manifest
-from golden_model import bitpack
-from golden_model.errors import InputError
-from golden_model.interfaces import UNITS
-from rtl.config import PRESETS, Config
-from sim import verilated
-from sim.emitted import emitted
+from lightloom.gen.manifest import manifest
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.golden_model.host.errors import InputError
+from lightloom.rtl.config import PRESETS, Config
+from lightloom.sim import verilated
+from lightloom.sim.emitted import emitted
 
 HARNESS = Path(__file__).with_name("bulk.cpp")
 TOP = Path(__file__).with_name("bulk.v")
@@ -27,9 +27,10 @@ class BulkError(AssertionError):
 class BulkUnit:
     """A Verilated unit that takes operand arrays.
 
-    Parameters: `unit`, a name of `golden_model.interfaces.UNITS`; `config`, the hardware parameters; `verilog`, a text
-    other than the emitted one; `netlist`, it is gates, of which a compiler has too many to optimise for a run of
-    thousands. Builds the simulator, or finds it in the cache. Raises InputError for an unknown unit or a missing tool.
+    Parameters: `unit`, a name of `golden_model.contract.interfaces.UNITS`; `config`, the hardware parameters;
+    `verilog`, a text other than the emitted one; `netlist`, it is gates, of which a compiler has too many to optimise
+    for a run of thousands. Builds the simulator, or finds it in the cache. Raises InputError for an unknown unit or a
+    missing tool.
 
     Attributes after `run`: `throughput` (vectors/s of the simulation, on one core, without packing), `cycles` (clock
     cycles of the last run), `latency` (cycles from the first operand to its result; exact where nothing stalled).

@@ -5,22 +5,19 @@ from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 
-import golden_model
-import rtl.config
-from gen import verilog
-from gen.manifest import PACKAGES
-from golden_model.outputs import whole_file
-from rtl.config import Config
-from sim import toolchain
-
-FORMATS = ("formats.py", "interfaces.py")
-"""What the RTL draws on of the golden model."""
+from lightloom.gen import verilog
+from lightloom.gen.manifest import PACKAGES
+from lightloom.golden_model import contract
+from lightloom.golden_model.host.outputs import whole_file
+from lightloom.rtl import config as hardware
+from lightloom.rtl.config import Config
+from lightloom.sim import toolchain
 
 
 def emitted(unit: str, config: Config) -> str:
     """`gen.verilog.verilog_of`, from the cache where it holds the text (`sim.toolchain.cache_folder`)."""
-    hardware, model = Path(rtl.config.__file__).parent, Path(golden_model.__file__).parent
-    sources = [*sorted(hardware.rglob("*.py")), Path(verilog.__file__), *(model / name for name in FORMATS)]
+    folders = (Path(str(module.__file__)).parent for module in (hardware, contract))
+    sources = [*(path for folder in folders for path in sorted(folder.rglob("*.py"))), Path(verilog.__file__)]
     recipe = [unit, repr(sorted(asdict(config).items())), *(version(name) for name in PACKAGES)]
     recipe += [source.read_text(encoding="utf-8") for source in sources]
     key = hashlib.sha256("\0".join(recipe).encode()).hexdigest()[:16]

@@ -1,4 +1,4 @@
-// What the C++ harnesses have in common: payloads as 32-bit words (the packing of golden_model/bitpack.py), random
+// What the C++ harnesses have in common: payloads as 32-bit words (the packing of golden_model/contract/bitpack.py), random
 // stalls, files in memory.
 
 #pragma once

@@ -19,13 +19,13 @@ import cocotb_tools.runner
 import numpy as np
 from cocotb_tools.check_results import get_results
 
-from gen.manifest import manifest
-from golden_model import bitpack
-from golden_model.interfaces import UNITS
-from rtl.config import PRESETS, Config
-from sim import toolchain
-from sim.emitted import emitted
-from verif.coverage import BINS
+from lightloom.gen.manifest import manifest
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.rtl.config import PRESETS, Config
+from lightloom.sim import toolchain
+from lightloom.sim.emitted import emitted
+from lightloom.verif.bins.coverage import BINS
 
 PRECISION = ("1ns", "1ps")
 # -Wno-fatal: what a warning means for the Verilog is judged once, by the lint of gen/lint.vlt, not by every build.
@@ -116,7 +116,7 @@ def run_cocotb(
     hides the rest). `extra_env` and `plusargs` ("+name=value") reach the run, not the build; `seed` is cocotb's.
     `folder` (default a new one under build/benches) is where the run takes place and gets log.txt, results.xml and,
     where `waves`, dump.vcd (Verilator) or <top>.fst (Icarus). With `coverage` (of Verilator) it also gets coverage.dat
-    and bins.jsonl, what the bench has seen (`verif.coverage`).
+    and bins.jsonl, what the bench has seen (`verif.bins.coverage`).
 
     Raises BenchError where a test fails or none was run, ToolError where the Verilog does not build, InputError where a
     tool is missing.
@@ -164,7 +164,7 @@ def run_bench(
     coverage: bool = False,
     verilog: str | None = None,
 ) -> int:
-    """Runs the bench of a unit, `verif.test_<unit>` or `module`, and returns the number of tests that passed.
+    """Runs the bench of a unit, `verif.benches.test_<unit>` or `module`, and returns the number of tests that passed.
 
     `operands` (N,) of the unit's input dtype are what the bench sends; `seed` decides the stalls. `folder` (default a
     new one under build/benches) gets operands, log and, where `waves`, dump.vcd (Verilator) or <unit>.fst (Icarus).
@@ -188,7 +188,7 @@ def run_bench(
         unit,
         {f"{unit}.v": text},
         simulator,
-        module=module or f"verif.test_{unit}",
+        module=module or f"lightloom.verif.benches.test_{unit}",
         public_ports=STREAM_PORTS,
         extra_env={"LIGHTLOOM_BENCH": json.dumps(description)},
         seed=seed,

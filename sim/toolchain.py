@@ -17,8 +17,8 @@ from fcntl import LOCK_EX, flock
 from functools import cache
 from pathlib import Path
 
-from golden_model.errors import InputError
-from golden_model.outputs import whole_file
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.outputs import whole_file
 
 VERILATOR_MINIMUM = (5, 36)
 """cocotb 2 needs it."""

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from golden_model import bitpack
-from golden_model.errors import InputError
-from golden_model.formats import BLOCK_BYTES, RAY_QUERY, RAY_RESULT
-from rtl.config import PRESETS, Config
-from sim import verilated
-from sim.emitted import emitted
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.formats import BLOCK_BYTES, RAY_QUERY, RAY_RESULT
+from lightloom.golden_model.host.errors import InputError
+from lightloom.rtl.config import PRESETS, Config
+from lightloom.sim import verilated
+from lightloom.sim.emitted import emitted
 
 HERE = Path(__file__).parent
 TOP, HARNESS, MEMORY = (HERE / name for name in ("traversal_run.v", "traversal_run.cpp", "axi_memory.v"))

@@ -10,8 +10,8 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
-from golden_model.outputs import whole_file
-from sim import toolchain
+from lightloom.golden_model.host.outputs import whole_file
+from lightloom.sim import toolchain
 
 HEADER = Path(__file__).with_name("harness.h")
 """What the harnesses have in common."""

@@ -11,7 +11,7 @@ from math import isqrt
 
 import numpy as np
 
-from golden_model.interfaces import OPERATORS
+from lightloom.golden_model.contract.interfaces import OPERATORS
 
 NAN, INFINITY, HALF_NAN, SIGN = 0x7FC00000, 0x7F800000, 0x7E00, 1 << 31
 

@@ -20,12 +20,12 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from golden_model import bitpack
-from golden_model.interfaces import OPERATORS
-from golden_model.models import MODELS
-from golden_model.outputs import whole_file
-from rtl.config import PRESETS
-from sim.bulk import BulkUnit
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.interfaces import OPERATORS
+from lightloom.golden_model.host.outputs import whole_file
+from lightloom.golden_model.models import MODELS
+from lightloom.rtl.config import PRESETS
+from lightloom.sim.bulk import BulkUnit
 from tests.exact import exact_results
 from tests.softfloat import softfloat_results
 from tests.vectors import corner_vectors, differences, random_vectors

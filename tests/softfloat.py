@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import softfloatpy._core
 
-from golden_model.interfaces import OPERATORS
-from golden_model.outputs import whole_file
-from sim import toolchain
+from lightloom.golden_model.contract.interfaces import OPERATORS
+from lightloom.golden_model.host.outputs import whole_file
+from lightloom.sim import toolchain
 
 SOURCE = Path(__file__).with_suffix(".cpp")
 

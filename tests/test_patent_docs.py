@@ -6,7 +6,7 @@ import importlib
 import re
 from functools import cache
 
-from rtl.catalogue import CATALOGUE
+from lightloom.rtl.catalogue import CATALOGUE
 from tests import ROOT
 
 PAGE = (ROOT / "docs" / "patent.md").read_text(encoding="utf-8")

@@ -5,10 +5,10 @@ import re
 import numpy as np
 import pytest
 
-from golden_model import bitpack
-from golden_model.interfaces import UNITS
-from rtl.catalogue import CATALOGUE
-from rtl.config import PRESETS
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import PRESETS
 from tests import ROOT
 
 DOCS = ROOT / "docs"

@@ -1,10 +1,10 @@
-"""Results of the number units compared, and a report of where they differ; the operands are `verif.number_vectors`'."""
+"""Results of the number units compared, and a report of where they differ."""
 
 import numpy as np
 
-from golden_model import bitpack
-from golden_model.formats import field_width
-from verif.number_vectors import corner_vectors, random_vectors
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.formats import field_width
+from lightloom.verif.vectors.number_vectors import corner_vectors, random_vectors
 
 __all__ = ["corner_vectors", "describe", "differences", "random_vectors"]
 

@@ -10,8 +10,8 @@ from amaranth.back import rtlil
 from amaranth.hdl import Fragment, Signal, Value
 from amaranth.lib import data, wiring
 
-from gen import tools
-from rtl.pipeline import Core
+from lightloom.gen.flow import tools
+from lightloom.rtl.fabric.pipeline import Core
 
 CHUNK_BITS = 18
 """Inputs at a time, as a power of two: bounds memory."""

@@ -5,11 +5,11 @@ from operator import or_
 
 from amaranth import Array, Cat, Const, Mux, Signal, Value
 
-from gen.formal.bench import Bench
-from gen.formal.properties import Induction, Property
-from gen.formal.streams import Tracker, held
-from rtl.axi_read_arbiter import AxiReadArbiter
-from rtl.read_timer import TIMEOUT_BITS, ReadTimer
+from lightloom.gen.formal.bench import Bench
+from lightloom.gen.formal.properties import Induction, Property
+from lightloom.gen.formal.streams import Tracker, held
+from lightloom.rtl.memory.axi_read_arbiter import AxiReadArbiter
+from lightloom.rtl.memory.read_timer import TIMEOUT_BITS, ReadTimer
 
 ADDRESS, DATA = ("araddr", "arid", "arlen", "arsize", "arburst"), ("rdata", "rid", "rresp", "rlast")
 SHAPE = {"reads": 16, "address_width": 8, "data_width": 32, "id_width": 2}

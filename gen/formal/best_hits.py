@@ -5,13 +5,13 @@
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import wiring
 
-from gen.formal.bench import Bench
-from gen.formal.properties import Bounded, Induction, Property
-from golden_model.formats import HIT, TIME_BITS
-from rtl.config import Config
-from rtl.layouts import layout_of
-from rtl.pipeline import Core
-from rtl.traversal.best_hits import BestHits
+from lightloom.gen.formal.bench import Bench
+from lightloom.gen.formal.properties import Bounded, Induction, Property
+from lightloom.golden_model.contract.formats import HIT, TIME_BITS
+from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.layouts import layout_of
+from lightloom.rtl.fabric.pipeline import Core
+from lightloom.rtl.traversal.best_hits import BestHits
 
 SMALL = Config(contexts=4)
 

@@ -6,11 +6,17 @@ from functools import partial
 
 import numpy as np
 
-from gen.formal.all_inputs import Gates
-from gen.formal.properties import Exhaustive, Property
-from golden_model.formats import BOX_FRACTION, BoxWidths
-from golden_model.node_test import base_products, corner_distance, plane_products, planes_met, saturated
-from rtl.box_axis import AxisWidths, BoxAxis
+from lightloom.gen.formal.all_inputs import Gates
+from lightloom.gen.formal.properties import Exhaustive, Property
+from lightloom.golden_model.contract.formats import BOX_FRACTION, BoxWidths
+from lightloom.golden_model.tracing.wide_bvh.node_test import (
+    base_products,
+    corner_distance,
+    plane_products,
+    planes_met,
+    saturated,
+)
+from lightloom.rtl.intersection.box_axis import AxisWidths, BoxAxis
 
 TINY = AxisWidths(arithmetic=BoxWidths(plane=2, exponent=2, slope=4, short=3, time=8), lattice=3, position=6, pad=3)
 PAD = 5

@@ -4,12 +4,12 @@ from functools import partial
 
 from amaranth import Array, Cat, Mux, Signal
 
-from gen.formal.bench import Bench
-from gen.formal.properties import Bounded, Property
-from gen.formal.streams import held
-from rtl.axi import INCR
-from rtl.block_cache import BlockCache
-from rtl.waiters import Waiters
+from lightloom.gen.formal.bench import Bench
+from lightloom.gen.formal.properties import Bounded, Property
+from lightloom.gen.formal.streams import held
+from lightloom.rtl.memory.axi import INCR
+from lightloom.rtl.memory.block_cache import BlockCache
+from lightloom.rtl.memory.waiters import Waiters
 
 TAGS = 4
 """Requests under way have different tags, 0 to 3, so that an answer says which request it is for."""

@@ -1,6 +1,6 @@
 """All properties."""
 
-from gen.formal import (
+from lightloom.gen.formal import (
     arbiter,
     best_hits,
     box_test,
@@ -16,7 +16,7 @@ from gen.formal import (
     stacks,
     stream_units,
 )
-from gen.formal.properties import Property
+from lightloom.gen.formal.properties import Property
 
 ROOMS = (
     stream_units,

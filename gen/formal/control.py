@@ -3,15 +3,15 @@
 from amaranth import Cat, Mux, Signal, Value
 from amaranth.lib import data
 
-from gen.formal.bench import Bench
-from gen.formal.followed_ray import MOST_CHILDREN, Followed, Places, total
-from gen.formal.properties import Induction, Property
-from gen.formal.streams import held
-from golden_model.formats import TRACE_ERRORS
-from rtl.config import Config
-from rtl.traversal.control import POPS
-from rtl.traversal.records import ADDRESS_BITS, node_result, push_list
-from rtl.traversal.stacks import LISTS
+from lightloom.gen.formal.bench import Bench
+from lightloom.gen.formal.followed_ray import MOST_CHILDREN, Followed, Places, total
+from lightloom.gen.formal.properties import Induction, Property
+from lightloom.gen.formal.streams import held
+from lightloom.golden_model.contract.formats import TRACE_ERRORS
+from lightloom.rtl.config import Config
+from lightloom.rtl.traversal.control import POPS
+from lightloom.rtl.traversal.records import ADDRESS_BITS, node_result, push_list
+from lightloom.rtl.traversal.stacks import LISTS
 
 SMALL = Config(contexts=4, overlap=2, stack=4)
 

@@ -4,12 +4,12 @@ from functools import partial
 
 from amaranth import Array, Const, Mux, Signal
 
-from gen.formal.bench import Bench
-from gen.formal.properties import Induction, Property
-from golden_model.interfaces import COUNTERS
-from rtl.axi import AxiRead
-from rtl.block_fill import BlockFill
-from rtl.traversal.counters import COUNTER_BITS, Counters
+from lightloom.gen.formal.bench import Bench
+from lightloom.gen.formal.properties import Induction, Property
+from lightloom.golden_model.contract.interfaces import COUNTERS
+from lightloom.rtl.memory.axi import AxiRead
+from lightloom.rtl.memory.block_fill import BlockFill
+from lightloom.rtl.traversal.counters import COUNTER_BITS, Counters
 
 
 def counters() -> Bench:

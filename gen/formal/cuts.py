@@ -4,17 +4,17 @@ from functools import partial
 
 from amaranth import Signal, Value
 
-from gen.formal.bench import Bench
-from gen.formal.properties import Bounded, Property
-from rtl.float_format import FloatFormat
-from rtl.operators.float_add import FloatAdd
-from rtl.operators.float_compare import FloatCompare
-from rtl.operators.float_difference_of_products import FloatDifferenceOfProducts
-from rtl.operators.float_divide import FloatDivide
-from rtl.operators.float_minmax import FloatMinmax
-from rtl.operators.float_multiply import FloatMultiply
-from rtl.operators.float_sqrt import FloatSqrt
-from rtl.pipeline import StepCore
+from lightloom.gen.formal.bench import Bench
+from lightloom.gen.formal.properties import Bounded, Property
+from lightloom.rtl.fabric.float_format import FloatFormat
+from lightloom.rtl.fabric.pipeline import StepCore
+from lightloom.rtl.operators.float_add import FloatAdd
+from lightloom.rtl.operators.float_compare import FloatCompare
+from lightloom.rtl.operators.float_difference_of_products import FloatDifferenceOfProducts
+from lightloom.rtl.operators.float_divide import FloatDivide
+from lightloom.rtl.operators.float_minmax import FloatMinmax
+from lightloom.rtl.operators.float_multiply import FloatMultiply
+from lightloom.rtl.operators.float_sqrt import FloatSqrt
 
 SMALL = FloatFormat(2, 2)
 """What the steps compute is not in question here."""

@@ -1,9 +1,9 @@
 """The faults that `gen.formal.mutations` puts in: what is wrong, and which checks have to notice."""
 
-from gen.formal.mutations import Mutation
+from lightloom.gen.formal.mutations import Mutation
 
 OPERATORS = "rtl/operators/"
-PIPELINE, QUEUES, FILL = "rtl/pipeline.py", "rtl/queues.py", "rtl/block_fill.py"
+PIPELINE, QUEUES, FILL = "rtl/fabric/pipeline.py", "rtl/fabric/queues.py", "rtl/memory/block_fill.py"
 STREAM = ("float_add/stream-tiny",)
 _FAULTS = (
     Mutation(
@@ -313,7 +313,7 @@ _FAULTS = (
     ),
     Mutation(
         name="slope-interval",
-        file="rtl/box_axis.py",
+        file="rtl/intersection/box_axis.py",
         old="Mux(~way[-1] if far else way[-1], slope + 1, slope)",
         new="Mux(way[-1] if far else ~way[-1], slope + 1, slope)",
         what="the slope is rounded inwards",
@@ -321,7 +321,7 @@ _FAULTS = (
     ),
     Mutation(
         name="short-slope-down",
-        file="rtl/box_axis.py",
+        file="rtl/intersection/box_axis.py",
         old="return short + 1 if far else short",
         new="return short",
         what="the far planes' short slope is rounded down",
@@ -329,7 +329,7 @@ _FAULTS = (
     ),
     Mutation(
         name="saturates-inwards",
-        file="rtl/box_axis.py",
+        file="rtl/intersection/box_axis.py",
         old="Mux(saturates, (~sign).replicate(size), shifted)",
         new="Mux(saturates, sign.replicate(size), shifted)",
         what="saturated distances are at the wrong end",
@@ -337,7 +337,7 @@ _FAULTS = (
     ),
     Mutation(
         name="planes-exchanged",
-        file="rtl/box_axis.py",
+        file="rtl/intersection/box_axis.py",
         old="list(zip(upper, lower, strict=True))",
         new="list(zip(lower, upper, strict=True))",
         what="the far plane is the near one",
@@ -345,7 +345,7 @@ _FAULTS = (
     ),
     Mutation(
         name="turn-forgotten",
-        file="rtl/one_hot.py",
+        file="rtl/fabric/one_hot.py",
         old="above.eq(Mux(some, above_higher, above_wanted))",
         new="above.eq(0)",
         what="the first master always goes first",
@@ -353,7 +353,7 @@ _FAULTS = (
     ),
     Mutation(
         name="address-to-all",
-        file="rtl/axi_read_arbiter.py",
+        file="rtl/memory/axi_read_arbiter.py",
         old="master.arready.eq(chosen[k] & addresses.i.ready)",
         new="master.arready.eq(addresses.i.ready)",
         what="an address is taken from every master",
@@ -361,7 +361,7 @@ _FAULTS = (
     ),
     Mutation(
         name="data-to-all",
-        file="rtl/axi_read_arbiter.py",
+        file="rtl/memory/axi_read_arbiter.py",
         old="master.rvalid.eq(beats.o.valid & mine)",
         new="master.rvalid.eq(beats.o.valid)",
         what="a beat goes to every master",
@@ -377,7 +377,7 @@ _FAULTS = (
     ),
     Mutation(
         name="newest-not-yet-listed",
-        file="rtl/waiters.py",
+        file="rtl/memory/waiters.py",
         old="Mux(added & (miss == next_list.miss), number, head.data)",
         new="head.data",
         what="a list begins without the request that joins it just now",
@@ -393,7 +393,7 @@ _FAULTS = (
     ),
     Mutation(
         name="answers-what-nobody-asked",
-        file="rtl/block_cache.py",
+        file="rtl/memory/block_cache.py",
         old="answers.eq(hit | (drains & ~of_prefetch))",
         new="answers.eq(hit | drains)",
         what="a block that was prefetched is given as an answer",
@@ -401,7 +401,7 @@ _FAULTS = (
     ),
     Mutation(
         name="prefetch-untold",
-        file="rtl/block_cache.py",
+        file="rtl/memory/block_cache.py",
         old="prefetching.eq(prefetching + (miss & is_prefetch) - (drains & of_prefetch))",
         new="prefetching.eq(0)",
         what="a tree may be changed while a block of the last one is prefetched",
@@ -425,7 +425,7 @@ _FAULTS = (
     ),
     Mutation(
         name="never-crowded",
-        file="rtl/block_cache.py",
+        file="rtl/memory/block_cache.py",
         old="self.crowded.eq(addresses.level >= CROWD)",
         new="self.crowded.eq(addresses.level > CROWD)",
         what="rays run ahead though the memory does not keep up",
@@ -433,7 +433,7 @@ _FAULTS = (
     ),
     Mutation(
         name="list-never-starts",
-        file="rtl/waiters.py",
+        file="rtl/memory/waiters.py",
         old="ends.eq(~self.o.valid | walk.data.last)",
         new="ends.eq(walk.data.last)",
         what="a list begins where the last one ended, or not at all",
@@ -441,7 +441,7 @@ _FAULTS = (
     ),
     Mutation(
         name="list-without-end",
-        file="rtl/waiters.py",
+        file="rtl/memory/waiters.py",
         old='link.data.last.eq(register(m, self.add, self.first, "first_d1"))',
         new="link.data.last.eq(1)",
         what="every request is the last of its list",
@@ -449,7 +449,7 @@ _FAULTS = (
     ),
     Mutation(
         name="drain-over-hit",
-        file="rtl/block_cache.py",
+        file="rtl/memory/block_cache.py",
         old="drain.ready.eq(can_answer & ~hit_first)",
         new="drain.ready.eq(can_answer)",
         what="an answer is lost where a hit comes at the same time",
@@ -457,7 +457,7 @@ _FAULTS = (
     ),
     Mutation(
         name="line-not-locked",
-        file="rtl/block_lines.py",
+        file="rtl/memory/block_lines.py",
         old="locked[way].eq(locked[way] & ~released[way] | given)",
         new="locked[way].eq(locked[way] & ~released[way] & ~given)",
         what="a line gives way while requests wait for it",
@@ -465,7 +465,7 @@ _FAULTS = (
     ),
     Mutation(
         name="label-read-before",
-        file="rtl/block_lines.py",
+        file="rtl/memory/block_lines.py",
         old="Mux(replaced, same_name, reads.data.name == read_name)",
         new="reads.data.name == read_name",
         what="a block is not found where the one before it has just been put",
@@ -633,7 +633,7 @@ _FAULTS = (
     ),
     Mutation(
         name="rounding-lost",
-        file="rtl/box_axis.py",
+        file="rtl/intersection/box_axis.py",
         old="rows.append(Const(2 << (slope - 1), width))",
         new="rows.append(Const(1 << (slope - 1), width))",
         what="the far distance is rounded up once instead of twice",
@@ -641,7 +641,7 @@ _FAULTS = (
     ),
     Mutation(
         name="pad-inwards",
-        file="rtl/box_axis.py",
+        file="rtl/intersection/box_axis.py",
         old="wide_pad if far else ~wide_pad]",
         new="wide_pad]",
         what="the near planes are moved inwards",
@@ -649,7 +649,7 @@ _FAULTS = (
     ),
     Mutation(
         name="corner-of-forward-rays",
-        file="rtl/box_axis.py",
+        file="rtl/intersection/box_axis.py",
         old="last = Mux(backwards, (1 << widths.arithmetic.plane) - 1, 0)",
         new="last = 0",
         what="rays that go backwards count planes from the wrong corner",
@@ -681,7 +681,7 @@ _FAULTS = (
     ),
     Mutation(
         name="no-number-no-answer",
-        file="rtl/block_cache.py",
+        file="rtl/memory/block_cache.py",
         old="Mux(lines.found, ~lines.awaited, fill.lost)",
         new="lines.found & ~lines.awaited",
         what="requests wait for ever where no number is left",
@@ -689,7 +689,7 @@ _FAULTS = (
     ),
     Mutation(
         name="used-after-invalidate",
-        file="rtl/block_lines.py",
+        file="rtl/memory/block_lines.py",
         old="(used[way] & ~forgotten | touched) & keeps",
         new="used[way] & ~forgotten | touched",
         what="lines of a tree before count as used",
@@ -713,7 +713,7 @@ _FAULTS = (
     ),
     Mutation(
         name="abort-lets-addresses-out",
-        file="rtl/axi_read_arbiter.py",
+        file="rtl/memory/axi_read_arbiter.py",
         old="(self.abort | self.aborting) & (~port.arvalid | port.arready)",
         new="self.aborting & (~port.arvalid | port.arready)",
         what="an address is offered in the cycle after an abort",
@@ -721,7 +721,7 @@ _FAULTS = (
     ),
     Mutation(
         name="abort-ends-too-early",
-        file="rtl/axi_read_arbiter.py",
+        file="rtl/memory/axi_read_arbiter.py",
         old="~(port.arvalid | asked | (left != 0))",
         new="~(port.arvalid | (left != 0))",
         what="an abort is over in the cycle after the last address was taken",
@@ -729,7 +729,7 @@ _FAULTS = (
     ),
     Mutation(
         name="abort-counts-with-a-clock",
-        file="rtl/axi_read_arbiter.py",
+        file="rtl/memory/axi_read_arbiter.py",
         old="Mux(self.timed, self.tick & silence & silent, ~(port",
         new="(self.timed & self.tick & silence & silent) | (~(port",
         what="surplus beats end an abort before all reads are over",
@@ -737,7 +737,7 @@ _FAULTS = (
     ),
     Mutation(
         name="abort-without-a-clock",
-        file="rtl/axi_read_arbiter.py",
+        file="rtl/memory/axi_read_arbiter.py",
         old="Mux(self.timed, self.tick",
         new="Mux(0, self.tick",
         what="an abort waits for ever for beats that never come",
@@ -745,7 +745,7 @@ _FAULTS = (
     ),
     Mutation(
         name="abort-ends-at-the-first-tick",
-        file="rtl/axi_read_arbiter.py",
+        file="rtl/memory/axi_read_arbiter.py",
         old="self.tick & silence & silent",
         new="self.tick & silent",
         what="an abort is over at the first tick",
@@ -753,7 +753,7 @@ _FAULTS = (
     ),
     Mutation(
         name="silence-with-an-address",
-        file="rtl/axi_read_arbiter.py",
+        file="rtl/memory/axi_read_arbiter.py",
         old="silent.eq(~(self.abort | port.arvalid | port.rvalid))",
         new="silent.eq(~(self.abort | port.rvalid))",
         what="an abort ends while the memory takes no address",
@@ -761,7 +761,7 @@ _FAULTS = (
     ),
     Mutation(
         name="silence-while-held",
-        file="rtl/axi_read_arbiter.py",
+        file="rtl/memory/axi_read_arbiter.py",
         old="silent.eq(~(self.abort | port.arvalid | port.rvalid))",
         new="silent.eq(~(port.arvalid | port.rvalid))",
         what="the time in which an address waits at an array's port counts as silence",
@@ -769,7 +769,7 @@ _FAULTS = (
     ),
     Mutation(
         name="missing-beats-stay",
-        file="rtl/axi_read_arbiter.py",
+        file="rtl/memory/axi_read_arbiter.py",
         old="            m.d.sync += left.eq(0)",
         new="            m.d.sync += left.eq(left)",
         what="beats that never came are waited for at the next abort",
@@ -777,7 +777,7 @@ _FAULTS = (
     ),
     Mutation(
         name="surplus-below-zero",
-        file="rtl/axi_read_arbiter.py",
+        file="rtl/memory/axi_read_arbiter.py",
         old="(came & (left != 0))",
         new="came",
         what="a beat that nobody asked for makes the next abort wait for ever",
@@ -876,7 +876,7 @@ _FAULTS = (
     ),
     Mutation(
         name="header-taken-late",
-        file="rtl/header_reader.py",
+        file="rtl/memory/header_reader.py",
         old="with m.If(reading | self.base[:OFFSET_BITS].any()):",
         new="with m.If(self.base[:OFFSET_BITS].any()):",
         what="the beats of a header that was given up are taken for the next one's",

@@ -2,11 +2,11 @@
 
 from amaranth import Array, Cat, Mux, Signal, Value
 
-from gen.formal.bench import Bench
-from gen.formal.queues import FifoInside
-from rtl.config import Config
-from rtl.traversal.control import Control
-from rtl.traversal.records import context_bits
+from lightloom.gen.formal.bench import Bench
+from lightloom.gen.formal.queues import FifoInside
+from lightloom.rtl.config import Config
+from lightloom.rtl.traversal.control import Control
+from lightloom.rtl.traversal.records import context_bits
 
 MOST_CHILDREN = 8
 

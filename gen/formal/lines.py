@@ -2,9 +2,9 @@
 
 from amaranth import Array, Signal
 
-from gen.formal.bench import Bench
-from gen.formal.properties import Bounded, Property
-from rtl.block_lines import BlockLines, set_of
+from lightloom.gen.formal.bench import Bench
+from lightloom.gen.formal.properties import Bounded, Property
+from lightloom.rtl.memory.block_lines import BlockLines, set_of
 
 BLOCK_BITS = 3
 """Of the blocks' numbers: with two sets, four blocks to each."""

@@ -2,9 +2,9 @@
 
 from amaranth import Signal
 
-from gen.formal.bench import Bench
-from gen.formal.properties import Induction, Property
-from rtl.traversal.loader import Loader
+from lightloom.gen.formal.bench import Bench
+from lightloom.gen.formal.properties import Induction, Property
+from lightloom.rtl.traversal.loader import Loader
 
 ADDRESS_BITS = 8
 

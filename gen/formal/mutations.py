@@ -17,9 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from golden_model.errors import InputError
+from lightloom.golden_model.host.errors import InputError
 
-ROOT = Path(__file__).parent.parent.parent
+ROOT = Path(__file__).parents[3]  # this is lightloom/gen/formal/mutations.py
 PACKAGES = ("gen", "golden_model", "lightloom", "rtl", "sim", "tests", "verif")
 PROVE = "import sys; from lightloom.cli import run; sys.exit(run(sys.argv[1:]))"
 LIMIT = 600
@@ -122,7 +122,9 @@ def _copy(one: Mutation | None) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="lightloom-fault-") as scratch:
         folder = Path(scratch)
         for package in PACKAGES:
-            shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(
+                ROOT / package, folder / package, symlinks=True, ignore=shutil.ignore_patterns("__pycache__")
+            )
         shutil.copy(ROOT / "pyproject.toml", folder)
         if one is not None:
             path = folder / one.file

@@ -6,21 +6,21 @@ from functools import lru_cache, partial
 import numpy as np
 from amaranth.hdl import Value
 
-from gen.formal.all_inputs import Gates
-from gen.formal.properties import Exhaustive, Property
-from gen.formal.small_floats import SmallFormat
-from golden_model.floats import float_to_half
-from rtl.float_format import FloatFormat
-from rtl.operators.float_add import FloatAdd
-from rtl.operators.float_compare import FloatCompare
-from rtl.operators.float_difference_of_products import FloatDifferenceOfProducts
-from rtl.operators.float_divide import FloatDivide
-from rtl.operators.float_minmax import FloatMinmax
-from rtl.operators.float_multiply import FloatMultiply
-from rtl.operators.float_sqrt import FloatSqrt
-from rtl.operators.float_to_half import FloatToHalf
-from rtl.operators.half_to_float import HalfToFloat
-from rtl.pipeline import Core
+from lightloom.gen.formal.all_inputs import Gates
+from lightloom.gen.formal.properties import Exhaustive, Property
+from lightloom.gen.formal.small_floats import SmallFormat
+from lightloom.golden_model.numerics.floats import float_to_half
+from lightloom.rtl.fabric.float_format import FloatFormat
+from lightloom.rtl.fabric.pipeline import Core
+from lightloom.rtl.operators.float_add import FloatAdd
+from lightloom.rtl.operators.float_compare import FloatCompare
+from lightloom.rtl.operators.float_difference_of_products import FloatDifferenceOfProducts
+from lightloom.rtl.operators.float_divide import FloatDivide
+from lightloom.rtl.operators.float_minmax import FloatMinmax
+from lightloom.rtl.operators.float_multiply import FloatMultiply
+from lightloom.rtl.operators.float_sqrt import FloatSqrt
+from lightloom.rtl.operators.float_to_half import FloatToHalf
+from lightloom.rtl.operators.half_to_float import HalfToFloat
 
 Operands = dict[str, np.ndarray]
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
-from gen.formal.bench import Bench
+from lightloom.gen.formal.bench import Bench
 
 Status = Literal["proved", "failed", "undecided", "vacuous", "timed out"]
 """Undecided: the induction found a step that it cannot exclude, and no counterexample. Vacuous: something that has to

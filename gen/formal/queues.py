@@ -4,10 +4,10 @@ from functools import partial
 
 from amaranth import Array, Const, Mux, Signal, Value
 
-from gen.formal.bench import Bench
-from gen.formal.properties import Induction, Property
-from gen.formal.streams import Tracker, held
-from rtl.queues import Buffer, FreeList, PassingQueue, Queue
+from lightloom.gen.formal.bench import Bench
+from lightloom.gen.formal.properties import Induction, Property
+from lightloom.gen.formal.streams import Tracker, held
+from lightloom.rtl.fabric.queues import Buffer, FreeList, PassingQueue, Queue
 
 WIDTH = 4
 """Bits of what waits: nothing depends on what they say."""

@@ -10,9 +10,9 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gen import tools
-from gen.formal.bench import FIRST, NARROW
-from gen.formal.properties import Bounded, Combinational, Exhaustive, Outcome, Property, Status
+from lightloom.gen.flow import tools
+from lightloom.gen.formal.bench import FIRST, NARROW
+from lightloom.gen.formal.properties import Bounded, Combinational, Exhaustive, Outcome, Property, Status
 
 SOLVERS = {"yices": "smtbmc yices", "z3": "smtbmc z3"}
 """Engines by the solver's name; yices is the fastest, z3 the cross-check."""

@@ -9,15 +9,15 @@ from typing import Any
 
 from amaranth import Cat, Const, Mux, Signal, Value
 
-from gen.formal.bench import Bench
-from gen.formal.properties import Combinational, Property
-from rtl.operators.float_add import FloatAdd
-from rtl.operators.float_compare import FloatCompare
-from rtl.operators.float_divide import FloatDivide
-from rtl.operators.float_minmax import FloatMinmax
-from rtl.operators.float_multiply import FloatMultiply
-from rtl.operators.float_sqrt import FloatSqrt
-from rtl.pipeline import Core
+from lightloom.gen.formal.bench import Bench
+from lightloom.gen.formal.properties import Combinational, Property
+from lightloom.rtl.fabric.pipeline import Core
+from lightloom.rtl.operators.float_add import FloatAdd
+from lightloom.rtl.operators.float_compare import FloatCompare
+from lightloom.rtl.operators.float_divide import FloatDivide
+from lightloom.rtl.operators.float_minmax import FloatMinmax
+from lightloom.rtl.operators.float_multiply import FloatMultiply
+from lightloom.rtl.operators.float_sqrt import FloatSqrt
 
 NAN = 0x7FC00000
 

@@ -3,11 +3,11 @@
 from amaranth import Mux, Signal, Value
 from amaranth.lib import data
 
-from gen.formal.bench import Bench
-from gen.formal.properties import Bounded, Property
-from rtl.config import Config
-from rtl.traversal.records import STACK_ENTRY
-from rtl.traversal.stacks import LISTS, Stacks
+from lightloom.gen.formal.bench import Bench
+from lightloom.gen.formal.properties import Bounded, Property
+from lightloom.rtl.config import Config
+from lightloom.rtl.traversal.records import STACK_ENTRY
+from lightloom.rtl.traversal.stacks import LISTS, Stacks
 
 SMALL = Config(contexts=4, overlap=2, stack=4)
 KINDS = data.StructLayout({"a_full_list": 1, "one_below_the_top": 1, "what_replaced_another": 1})

@@ -10,13 +10,13 @@ from functools import partial
 
 from amaranth import Array, Cat, Module, Signal, Value
 
-from gen.formal.bench import Bench
-from gen.formal.properties import Induction, Property
-from gen.formal.streams import held
-from golden_model.interfaces import UNITS
-from rtl.catalogue import CATALOGUE
-from rtl.config import PRESETS, Config
-from rtl.pipeline import Core, StreamUnit, register
+from lightloom.gen.formal.bench import Bench
+from lightloom.gen.formal.properties import Induction, Property
+from lightloom.gen.formal.streams import held
+from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import PRESETS, Config
+from lightloom.rtl.fabric.pipeline import Core, StreamUnit, register
 
 LONGEST = 80
 """Cycles in which an operation goes through any of the units: more than their latencies."""

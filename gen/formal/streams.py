@@ -4,7 +4,7 @@ from typing import Any
 
 from amaranth import Signal, Value
 
-from gen.formal.bench import Bench
+from lightloom.gen.formal.bench import Bench
 
 
 def held(bench: Bench, name: str, valid: Any, ready: Any, payload: Any) -> None:

@@ -1,6 +1,6 @@
 /* What Lightloom's hardware reads from memory, and what its streams carry, as C.
  *
- * Made from golden_model/formats.py. Fields follow each other from the lowest bit of the first word up, without padding;
+ * Made from golden_model/contract/formats.py. Fields follow each other from the lowest bit of the first word up, without padding;
  * words are 32 bits, little-endian. Every field has its place in bits: LIGHTLOOM_<FORMAT>_<FIELD>_BIT and _WIDTH, and of
  * a vector _COUNT elements, one right after the other. lightloom_get and lightloom_set read and write them. Formats
  * whose fields are whole bytes are structs too; others are not, since C leaves the order of bit-fields open.

@@ -6,10 +6,10 @@ from typing import Annotated, Any
 
 import typer
 
-from lightloom.benchmarks import BENCHMARKS, Sizes, summary
+from lightloom.bench.suite import BENCHMARKS, Sizes, summary
 from lightloom.commands.options import Json
-from lightloom.inputs import at_least, choose, whole_numbers
-from rtl.config import PARAMETERS, ConfigError, described
+from lightloom.rtl.config import PARAMETERS, ConfigError, described
+from lightloom.shared.inputs import at_least, choose, whole_numbers
 
 _DEFAULT = Sizes()
 _PRESET = "base"
@@ -69,9 +69,9 @@ def bench(
     ] = False,
     json: Json = False,
 ) -> None:
-    from golden_model.errors import InputError
-    from lightloom.console import Progress, print_json, print_table
-    from lightloom.machine import machine, versions
+    from lightloom.golden_model.host.errors import InputError
+    from lightloom.shared.console import Progress, print_json, print_table
+    from lightloom.shared.provenance import machine, versions
 
     chosen = [choose(name, [*BENCHMARKS, TRAVERSAL], "benchmark") for name in dict.fromkeys(names or BENCHMARKS)]
     if rays is not None:
@@ -91,7 +91,7 @@ def bench(
                 with progress.stage(name):
                     rows += list(BENCHMARKS[name](sizes))
         if TRAVERSAL in chosen:
-            from lightloom.bench_traversal import measure
+            from lightloom.bench.traversal import measure
 
             with progress.stage(TRAVERSAL, sweep.runs) as advance:
                 report[TRAVERSAL] = measure(sweep, advance)
@@ -102,7 +102,7 @@ def bench(
     if rows:
         print_table(f"{here['processor']}, {here['cores']} cores", list(rows[0]), [list(row.values()) for row in rows])
     if TRAVERSAL in chosen:
-        from lightloom.traversal_page import tables
+        from lightloom.bench.traversal_page import tables
 
         for title, columns, cells in tables(report[TRAVERSAL]):
             print_table(title, columns, cells)
@@ -112,9 +112,9 @@ def _sweep(
     scenes: list[str] | None, rays: int | None, preset: str, settings: list[str], full: bool, **numbers: str | None
 ) -> Any:
     """The `Sweep` that is asked for: the quick or the full one, with what is given in its place."""
-    from golden_model.errors import InputError
-    from lightloom.bench_traversal import SWEPT, default_sweep
-    from rtl.config import PRESETS
+    from lightloom.bench.traversal import SWEPT, default_sweep
+    from lightloom.golden_model.host.errors import InputError
+    from lightloom.rtl.config import PRESETS
 
     given: dict[str, Any] = {"preset": choose(preset, PRESETS, "preset")}
     if settings:
@@ -136,7 +136,7 @@ def _sweep(
 
 def _setting(text: str) -> tuple[str, int]:
     """'node_sets=128' to ('node_sets', 128)."""
-    from golden_model.errors import InputError
+    from lightloom.golden_model.host.errors import InputError
 
     name, equals, value = text.partition("=")
     if name in NUMBERS:

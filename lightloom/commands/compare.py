@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from golden_model.errors import InputError
 from lightloom.commands.options import Json
+from lightloom.golden_model.host.errors import InputError
 
 
 def compare(
@@ -46,9 +46,9 @@ def compare(
     if kinds[0] != kinds[1]:
         raise InputError(f"{a} is {kinds[0]} and {b} is {kinds[1]}; compare two of one kind")
 
-    from golden_model.outputs import whole_folder
-    from lightloom.console import json_text, print_json, print_table
-    from lightloom.difference import compare_arrays, compare_folders, compare_pictures
+    from lightloom.golden_model.host.outputs import whole_folder
+    from lightloom.shared.console import json_text, print_json, print_table
+    from lightloom.shared.difference import compare_arrays, compare_folders, compare_pictures
 
     if kinds[0] == "a folder":
         results = compare_folders(a, b)

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from lightloom.commands.options import Json
-from lightloom.inputs import choose
+from lightloom.shared.inputs import choose
 
 
 def coverage(
@@ -36,11 +36,11 @@ def coverage(
       lightloom coverage float_add --out build/coverage
       lightloom coverage --json > coverage.json
     """
-    from gen.coverage_page import coverage_page
-    from golden_model.outputs import whole_folder
-    from lightloom.console import Progress, json_text, print_json, print_table
-    from lightloom.coverage import faults, measure, report_of
-    from rtl.catalogue import CATALOGUE
+    from lightloom.gen.pages.coverage_page import coverage_page
+    from lightloom.golden_model.host.outputs import whole_folder
+    from lightloom.hardware.coverage import faults, measure, report_of
+    from lightloom.rtl.catalogue import CATALOGUE
+    from lightloom.shared.console import Progress, json_text, print_json, print_table
 
     names = [choose(name, CATALOGUE, "unit") for name in dict.fromkeys(units or CATALOGUE)]
     with Progress() as progress, whole_folder(out) as folder:

@@ -7,7 +7,7 @@ import typer
 
 from lightloom.commands.options import Json, Size
 from lightloom.demo import DemoOptions
-from lightloom.inputs import at_least, image_size, seed_value
+from lightloom.shared.inputs import at_least, image_size, seed_value
 
 _DEFAULT = DemoOptions()
 
@@ -51,8 +51,8 @@ def demo(
       lightloom demo
       lightloom demo --frames 8 --size 240x240 --out build/quick
     """
-    from lightloom.console import Progress, print_json, print_table
     from lightloom.demo import demo as run
+    from lightloom.shared.console import Progress, print_json, print_table
 
     width, height = image_size(size, _DEFAULT.supersample)
     options = DemoOptions(

@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from lightloom.commands.options import Json
-from lightloom.inputs import choose
-from rtl.config import PRESET_SUMMARIES, PRESETS
+from lightloom.rtl.config import PRESET_SUMMARIES, PRESETS
+from lightloom.shared.inputs import choose
 
 
 def emit(
@@ -24,9 +24,9 @@ def emit(
     list_units: Annotated[bool, typer.Option("--list", help="Print the table of units and write nothing.")] = False,
     json: Json = False,
 ) -> None:
-    from lightloom.console import Progress, print_json, print_table
-    from lightloom.emission import emit_units, unit_row
-    from rtl.catalogue import CATALOGUE
+    from lightloom.hardware.describe import emit_units, unit_row
+    from lightloom.rtl.catalogue import CATALOGUE
+    from lightloom.shared.console import Progress, print_json, print_table
 
     choose(preset, PRESETS, "preset")
     names = [choose(name, CATALOGUE, "unit") for name in dict.fromkeys(units or CATALOGUE)]

@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from lightloom.commands.options import Json, Seed
-from lightloom.inputs import choose
-from rtl.config import PRESETS
+from lightloom.rtl.config import PRESETS
+from lightloom.shared.inputs import choose
 
 COLUMNS = {
     "unit": "unit",
@@ -47,13 +47,13 @@ def fpga(
     """
     import shutil
 
-    from gen import tools
-    from gen.fpga import BITSTREAM, DEVICES, SPEEDS
-    from golden_model.outputs import whole_folder
-    from lightloom.console import Progress, json_text, print_json, print_table
-    from lightloom.fpga import TOOLS, place
-    from lightloom.machine import COMMIT
-    from rtl.catalogue import CATALOGUE
+    from lightloom.gen.flow import tools
+    from lightloom.gen.flow.fpga import BITSTREAM, DEVICES, SPEEDS
+    from lightloom.golden_model.host.outputs import whole_folder
+    from lightloom.hardware.fpga import TOOLS, place
+    from lightloom.rtl.catalogue import CATALOGUE
+    from lightloom.shared.console import Progress, json_text, print_json, print_table
+    from lightloom.shared.provenance import COMMIT
 
     choose(device, DEVICES, "device")
     grades = {str(grade): grade for grade in SPEEDS}

@@ -33,16 +33,16 @@ def irradiance(
 
     import numpy as np
 
-    from golden_model.bvh import build
-    from golden_model.errors import InputError
-    from golden_model.irradiance import irradiance as converged
-    from golden_model.outputs import whole_file
-    from golden_model.scene import require_light
-    from golden_model.scene_load import load_scene
-    from golden_model.traversal import BACKENDS, trace
-    from golden_model.vectors import normalize
-    from lightloom.console import Progress, print_json, print_table
-    from lightloom.inputs import at_least, choose, read_arrays, save_arrays, seed_value
+    from lightloom.golden_model.host.errors import InputError
+    from lightloom.golden_model.host.outputs import whole_file
+    from lightloom.golden_model.numerics.vectors import normalize
+    from lightloom.golden_model.oracle.path_tracer import irradiance as converged
+    from lightloom.golden_model.scene.files.load import load_scene
+    from lightloom.golden_model.scene.scene import require_light
+    from lightloom.golden_model.tracing.bvh.build import build
+    from lightloom.golden_model.tracing.bvh.traversal import BACKENDS, trace
+    from lightloom.shared.console import Progress, print_json, print_table
+    from lightloom.shared.inputs import at_least, choose, read_arrays, save_arrays, seed_value
 
     choose(backend, BACKENDS, "backend")
     at_least(samples, 1, "--samples")

@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from lightloom.commands.options import Json, Seed
-from lightloom.inputs import choose
-from rtl.config import PRESETS
+from lightloom.rtl.config import PRESETS
+from lightloom.shared.inputs import choose
 
 
 def layout(
@@ -35,9 +35,9 @@ def layout(
     Examples:
       lightloom layout fixed_to_float --pdk-root pdks/ihp-sg13g2 --out build/fixed
     """
-    from lightloom.console import Progress, print_json, print_table
-    from lightloom.layout import lay_out
-    from rtl.catalogue import CATALOGUE
+    from lightloom.hardware.place_and_route import lay_out
+    from lightloom.rtl.catalogue import CATALOGUE
+    from lightloom.shared.console import Progress, print_json, print_table
 
     choose(unit, CATALOGUE, "unit")
     choose(preset, PRESETS, "preset")

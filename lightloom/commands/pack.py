@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from lightloom.commands.options import Json, Scene
-from rtl.config import PARAMETERS
+from lightloom.rtl.config import PARAMETERS
 
 WIDTH = PARAMETERS["width"]
 
@@ -35,13 +35,13 @@ def pack(
       lightloom pack cornell-box --out cornell-box.bin
       lightloom pack mesh.obj --width 4 --out mesh.bin --json
     """
-    from golden_model.bvh import build
-    from golden_model.errors import InputError
-    from golden_model.memory_image import pack_image
-    from golden_model.outputs import whole_file
-    from golden_model.scene_load import load_scene
-    from golden_model.wide_bvh import widen
-    from lightloom.console import Progress, print_json, print_table
+    from lightloom.golden_model.host.errors import InputError
+    from lightloom.golden_model.host.outputs import whole_file
+    from lightloom.golden_model.scene.files.load import load_scene
+    from lightloom.golden_model.tracing.bvh.build import build
+    from lightloom.golden_model.tracing.wide_bvh.encode import widen
+    from lightloom.golden_model.tracing.wide_bvh.memory_image import pack_image
+    from lightloom.shared.console import Progress, print_json, print_table
 
     if width not in WIDTH.values:
         raise InputError(f"--width {width}: must be {WIDTH.allowed}")

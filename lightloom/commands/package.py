@@ -6,8 +6,8 @@ from typing import Annotated
 import typer
 
 from lightloom.commands.options import Json
-from lightloom.inputs import choose
-from rtl.config import PRESET_SUMMARIES, PRESETS
+from lightloom.rtl.config import PRESET_SUMMARIES, PRESETS
+from lightloom.shared.inputs import choose
 
 
 def package(
@@ -29,9 +29,9 @@ def package(
     ),
     json: Json = False,
 ) -> None:
-    from lightloom.console import Progress, print_json, print_table
-    from lightloom.packaging import package_units
-    from rtl.catalogue import CATALOGUE
+    from lightloom.hardware.package_inputs import package_units
+    from lightloom.rtl.catalogue import CATALOGUE
+    from lightloom.shared.console import Progress, print_json, print_table
 
     choose(preset, PRESETS, "preset")
     names = [choose(name, CATALOGUE, "unit") for name in dict.fromkeys(units or CATALOGUE)]

@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from golden_model.errors import InputError, warn
 from lightloom.commands.options import Json, Scene, Seed, Traversal
-from lightloom.inputs import at_least, choose, image_size, seed_value, whole_numbers
+from lightloom.golden_model.host.errors import InputError, warn
+from lightloom.shared.inputs import at_least, choose, image_size, seed_value, whole_numbers
 
 FRAMES, SIZE, BUDGET = 48, (320, 214), 20_000
 """Where neither the options nor the scene say anything."""
@@ -88,8 +88,8 @@ def policies(
       lightloom policies scenes/bunny.toml --frames 24 --budget 40000 --size 480x320
       lightloom policies room.toml --policies round-robin,influence --key-frames 11,12,20 --out build/room
     """
-    from golden_model.policy import POLICIES
-    from golden_model.traversal import BACKENDS
+    from lightloom.golden_model.maintenance.selection.policy import POLICIES
+    from lightloom.golden_model.tracing.bvh.traversal import BACKENDS
 
     chosen = tuple(names.split(",")) if names is not None else tuple(POLICIES)
     for name in chosen:
@@ -103,15 +103,15 @@ def policies(
     if exposure is not None and not 0 < exposure < float("inf"):
         raise InputError(f"--exposure {exposure:g}: must be greater than 0")
 
-    from golden_model.charts import unwrap
-    from golden_model.mesh_charts import default_cache
-    from golden_model.outputs import whole_folder
-    from golden_model.scene import require_light
-    from golden_model.scene_load import load_scene
-    from golden_model.structure import Structure
-    from lightloom.console import Progress, print_json, print_table
-    from lightloom.policies import write_comparison
-    from lightloom.policy_options import Comparison
+    from lightloom.golden_model.charts.curved import default_cache
+    from lightloom.golden_model.charts.unwrap import unwrap
+    from lightloom.golden_model.host.outputs import whole_folder
+    from lightloom.golden_model.scene.files.load import load_scene
+    from lightloom.golden_model.scene.scene import require_light
+    from lightloom.golden_model.tracing.bvh.structure import Structure
+    from lightloom.policies.comparison import write_comparison
+    from lightloom.policies.options import Comparison
+    from lightloom.shared.console import Progress, print_json, print_table
 
     loaded = load_scene(scene)
     require_light(loaded)  # before the charts, which may take a while

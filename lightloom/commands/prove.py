@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from lightloom.commands.options import Json
-from lightloom.inputs import at_least, choose
+from lightloom.shared.inputs import at_least, choose
 
 
 def prove(
@@ -41,9 +41,9 @@ def prove(
       lightloom prove --quick --json
       lightloom prove --mutations
     """
-    from gen.formal.catalogue import PROPERTIES
-    from gen.formal.solve import PROGRAMS
-    from lightloom import proofs
+    from lightloom.gen.formal.catalogue import PROPERTIES
+    from lightloom.gen.formal.solve import PROGRAMS
+    from lightloom.hardware import proofs
 
     at_least(jobs, 1, "--jobs")
     choose(solver, (*PROGRAMS, "both"), "solver")
@@ -65,7 +65,7 @@ def prove(
 
 
 def _show(table: Any, json: bool) -> None:
-    from lightloom.console import print_json, print_table
+    from lightloom.shared.console import print_json, print_table
 
     if json:
         print_json({"command": table.command, "versions": table.versions, "rows": table.rows})

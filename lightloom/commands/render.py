@@ -5,9 +5,9 @@ from typing import Annotated, Any
 
 import typer
 
-from golden_model.errors import InputError
 from lightloom.commands.options import Json, Scene, Seed, Threads, Traversal
-from lightloom.inputs import at_least, choose, image_size, seed_value
+from lightloom.golden_model.host.errors import InputError
+from lightloom.shared.inputs import at_least, choose, image_size, seed_value
 
 
 def render(
@@ -107,11 +107,11 @@ def render(
       lightloom render cornell-box --frames 48 --budget 300000 --directions 64 --supersample 2
       lightloom render room.glb --size 960x540 --hold 60 --exr --out build/room
     """
-    from golden_model.flip_chain import LONGEST
-    from golden_model.policy import POLICIES
-    from golden_model.rasterizer import MODES
-    from golden_model.traversal import BACKENDS, backend_of
-    from lightloom.policy_pictures import QUANTITIES
+    from lightloom.golden_model.frame.rasterizer import MODES
+    from lightloom.golden_model.maintenance.publishing.flip_chain import LONGEST
+    from lightloom.golden_model.maintenance.selection.policy import POLICIES
+    from lightloom.golden_model.tracing.bvh.traversal import BACKENDS, backend_of
+    from lightloom.render.policy_pictures import QUANTITIES
 
     choose(backend, BACKENDS, "backend")
     choose(policy, POLICIES, "policy")
@@ -126,22 +126,22 @@ def render(
     if exposure is not None and not 0 < exposure < float("inf"):
         raise InputError(f"--exposure {exposure:g}: must be greater than 0")
 
-    from golden_model.budget import BudgetPolicy
-    from golden_model.charts import unwrap
-    from golden_model.frame_shader import FrameShading
-    from golden_model.machine import Machine
-    from golden_model.mesh_charts import default_cache
-    from golden_model.outputs import whole_folder
-    from golden_model.rasterizer import Rasterization
-    from golden_model.renderer import Pipeline, Renderer
-    from golden_model.sampling_settings import Sampling
-    from golden_model.scene import require_light
-    from golden_model.scene_load import load_scene
-    from golden_model.structure import Structure
-    from lightloom.console import Progress, json_text, print_json, print_table
-    from lightloom.machine import machine
-    from lightloom.machine import versions as packages
-    from lightloom.sequence import Pictures, contact_sheet, render_sequence
+    from lightloom.golden_model.charts.curved import default_cache
+    from lightloom.golden_model.charts.unwrap import unwrap
+    from lightloom.golden_model.frame.frame_rays import FrameShading
+    from lightloom.golden_model.frame.rasterizer import Rasterization
+    from lightloom.golden_model.host.outputs import whole_folder
+    from lightloom.golden_model.machine.budget_controller import BudgetPolicy
+    from lightloom.golden_model.machine.cost_model import Machine
+    from lightloom.golden_model.maintenance.sampling.settings import Sampling
+    from lightloom.golden_model.renderer import Pipeline, Renderer
+    from lightloom.golden_model.scene.files.load import load_scene
+    from lightloom.golden_model.scene.scene import require_light
+    from lightloom.golden_model.tracing.bvh.structure import Structure
+    from lightloom.render.sequence import Pictures, contact_sheet, render_sequence
+    from lightloom.shared.console import Progress, json_text, print_json, print_table
+    from lightloom.shared.provenance import machine
+    from lightloom.shared.provenance import versions as packages
 
     sampling = Sampling(directions=directions, light_samples=light_samples, direct=way)
     loaded = load_scene(scene)

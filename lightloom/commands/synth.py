@@ -6,8 +6,8 @@ from typing import Annotated, Any
 import typer
 
 from lightloom.commands.options import Json, Seed
-from lightloom.inputs import at_least, choose
-from rtl.config import PRESETS
+from lightloom.rtl.config import PRESETS
+from lightloom.shared.inputs import at_least, choose
 
 VECTORS = 20_000
 """Operands a netlist of --check, besides the corner cases."""
@@ -73,14 +73,14 @@ def synth(
       lightloom synth traversal --liberty cells.lib --macros ram_256x64.lib --json
       lightloom synth float_add --liberty cells.lib --check --out build/synth
     """
-    from gen.macros import read_macros
-    from golden_model.errors import InputError
-    from golden_model.interfaces import UNITS
-    from lightloom import synthesis
-    from lightloom.console import Progress, print_json
-    from lightloom.netlist_check import check as check_netlist
-    from lightloom.synthesis_output import print_tables, write
-    from rtl.catalogue import CATALOGUE
+    from lightloom.gen.flow.macros import read_macros
+    from lightloom.golden_model.contract.interfaces import UNITS
+    from lightloom.golden_model.host.errors import InputError
+    from lightloom.hardware import synthesis
+    from lightloom.hardware.netlist_check import check as check_netlist
+    from lightloom.hardware.synthesis_tables import print_tables, write
+    from lightloom.rtl.catalogue import CATALOGUE
+    from lightloom.shared.console import Progress, print_json
 
     names = [choose(name, CATALOGUE, "unit") for name in dict.fromkeys(units or CATALOGUE)]
     presets = [choose(name, PRESETS, "preset") for name in dict.fromkeys(preset or ["base"])]
@@ -138,9 +138,9 @@ def synth(
 
 def _source(liberty: list[Path], pdk: str | None, root: Path | None, corner: str) -> Any:
     """The library that the options name, None where they name none."""
-    from gen.libraries import PDKS, PERIOD, of_pdk
-    from golden_model.errors import InputError
-    from lightloom.synthesis import Source
+    from lightloom.gen.flow.libraries import PDKS, PERIOD, of_pdk
+    from lightloom.golden_model.host.errors import InputError
+    from lightloom.hardware.synthesis import Source
 
     if pdk is None:
         if root is not None:

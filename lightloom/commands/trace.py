@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from lightloom.commands.options import Json, Scene, npz
-from lightloom.inputs import choose
+from lightloom.shared.inputs import choose
 
 BACKENDS = ("golden", "rtl")
 HITS = ("primitive", "t", "u", "v")
@@ -50,12 +50,12 @@ def trace(
 
     import numpy as np
 
-    from golden_model.formats import RAY
-    from golden_model.outputs import whole_file
-    from golden_model.scene_load import load_scene
-    from lightloom.console import Progress, print_json, print_table
-    from lightloom.inputs import read_arrays, save_arrays
-    from lightloom.tracing import golden_tracer, rtl_tracer
+    from lightloom.golden_model.contract.formats import RAY
+    from lightloom.golden_model.host.outputs import whole_file
+    from lightloom.golden_model.scene.files.load import load_scene
+    from lightloom.hardware.tracers import golden_tracer, rtl_tracer
+    from lightloom.shared.console import Progress, print_json, print_table
+    from lightloom.shared.inputs import read_arrays, save_arrays
 
     arrays = read_arrays(rays, RAYS, "--rays")
     batch = np.zeros(len(arrays["t_min"]), dtype=RAY)

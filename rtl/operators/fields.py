@@ -5,7 +5,7 @@ from typing import Any
 from amaranth import Cat, Const, Module, Mux, Signal, Value, unsigned
 from amaranth.lib import data
 
-from rtl.float_format import FloatFormat
+from lightloom.rtl.fabric.float_format import FloatFormat
 
 
 def operand_layout(f: FloatFormat) -> data.StructLayout:

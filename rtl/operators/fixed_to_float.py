@@ -4,9 +4,9 @@ from typing import Any
 
 from amaranth import Cat, Module, Signal, Value
 
-from rtl.float_format import FloatFormat
-from rtl.operators.shifts import leading_zeros, shift_left
-from rtl.pipeline import Step, StepCore
+from lightloom.rtl.fabric.float_format import FloatFormat
+from lightloom.rtl.fabric.pipeline import Step, StepCore
+from lightloom.rtl.operators.shifts import leading_zeros, shift_left
 
 
 def magnitude(m: Module, f: FloatFormat, *, a: Value, fraction: Value) -> dict[str, Any]:

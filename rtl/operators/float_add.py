@@ -4,10 +4,10 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
-from rtl.float_format import FloatFormat
-from rtl.operators.fields import add_with_carry, rounded, unpack
-from rtl.operators.shifts import leading_zeros, shift_left, shift_right
-from rtl.pipeline import Step, StepCore
+from lightloom.rtl.fabric.float_format import FloatFormat
+from lightloom.rtl.fabric.pipeline import Step, StepCore
+from lightloom.rtl.operators.fields import add_with_carry, rounded, unpack
+from lightloom.rtl.operators.shifts import leading_zeros, shift_left, shift_right
 
 
 def order(m: Module, f: FloatFormat, *, a: Value, b: Value, subtract: Value) -> dict[str, Any]:

@@ -4,9 +4,9 @@ from typing import Any
 
 from amaranth import Module, Mux, Signal, Value
 
-from rtl.float_format import FLOAT32, FloatFormat
-from rtl.operators.fields import unpack
-from rtl.pipeline import Step, StepCore
+from lightloom.rtl.fabric.float_format import FLOAT32, FloatFormat
+from lightloom.rtl.fabric.pipeline import Step, StepCore
+from lightloom.rtl.operators.fields import unpack
 
 
 def compare(m: Module, f: FloatFormat = FLOAT32, *, a: Value, b: Value) -> dict[str, Any]:

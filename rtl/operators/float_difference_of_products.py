@@ -15,12 +15,12 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
-from rtl.float_format import FLOAT32, FloatFormat
-from rtl.operators import product
-from rtl.operators.fields import add_with_carry, unpack
-from rtl.operators.float_add import count, round_sum
-from rtl.operators.shifts import shift_left, shift_right
-from rtl.pipeline import Step, StepCore
+from lightloom.rtl.fabric.float_format import FLOAT32, FloatFormat
+from lightloom.rtl.fabric.pipeline import Step, StepCore
+from lightloom.rtl.operators import product
+from lightloom.rtl.operators.fields import add_with_carry, unpack
+from lightloom.rtl.operators.float_add import count, round_sum
+from lightloom.rtl.operators.shifts import shift_left, shift_right
 
 
 def classify(m: Module, f: FloatFormat, *, blocks: bool, a: Value, b: Value, c: Value, d: Value) -> dict[str, Any]:

@@ -4,9 +4,9 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
-from rtl.float_format import FloatFormat
-from rtl.operators.fields import rounded, unpack
-from rtl.pipeline import Step, StepCore
+from lightloom.rtl.fabric.float_format import FloatFormat
+from lightloom.rtl.fabric.pipeline import Step, StepCore
+from lightloom.rtl.operators.fields import rounded, unpack
 
 
 def classify(m: Module, f: FloatFormat, *, a: Value, b: Value) -> dict[str, Any]:

@@ -4,9 +4,9 @@ from typing import Any
 
 from amaranth import Cat, Module, Mux, Signal, Value
 
-from rtl.float_format import FloatFormat
-from rtl.operators.fields import unpack
-from rtl.pipeline import Step, StepCore
+from lightloom.rtl.fabric.float_format import FloatFormat
+from lightloom.rtl.fabric.pipeline import Step, StepCore
+from lightloom.rtl.operators.fields import unpack
 
 
 def select(m: Module, f: FloatFormat, *, a: Value, b: Value, maximum: Value) -> dict[str, Any]:

@@ -5,10 +5,10 @@ from typing import Any
 
 from amaranth import Const, Module, Mux, Signal, Value
 
-from rtl.float_format import FLOAT32, FloatFormat
-from rtl.operators import product
-from rtl.operators.fields import rounded, unpack
-from rtl.pipeline import Step, StepCore
+from lightloom.rtl.fabric.float_format import FLOAT32, FloatFormat
+from lightloom.rtl.fabric.pipeline import Step, StepCore
+from lightloom.rtl.operators import product
+from lightloom.rtl.operators.fields import rounded, unpack
 
 
 def classify(m: Module, f: FloatFormat, *, blocks: bool, a: Value, b: Value) -> dict[str, Any]:

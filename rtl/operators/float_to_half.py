@@ -4,10 +4,10 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
 
-from rtl.float_format import FloatFormat
-from rtl.operators.fields import unpack
-from rtl.operators.shifts import shift_right
-from rtl.pipeline import Step, StepCore
+from lightloom.rtl.fabric.float_format import FloatFormat
+from lightloom.rtl.fabric.pipeline import Step, StepCore
+from lightloom.rtl.operators.fields import unpack
+from lightloom.rtl.operators.shifts import shift_right
 
 HALF_NAN = 0x7E00
 HALF_INFINITY = 0x7C00

@@ -4,11 +4,11 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
-from rtl.float_format import FloatFormat
-from rtl.operators.fields import packed
-from rtl.operators.float_to_half import REBIAS
-from rtl.operators.shifts import leading_zeros, shift_left
-from rtl.pipeline import Step, StepCore
+from lightloom.rtl.fabric.float_format import FloatFormat
+from lightloom.rtl.fabric.pipeline import Step, StepCore
+from lightloom.rtl.operators.fields import packed
+from lightloom.rtl.operators.float_to_half import REBIAS
+from lightloom.rtl.operators.shifts import leading_zeros, shift_left
 
 
 def count(m: Module, f: FloatFormat, *, a: Value) -> dict[str, Any]:

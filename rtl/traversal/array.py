@@ -6,16 +6,16 @@ from amaranth import Cat, Const, Module, Mux, ResetInserter, Signal, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import RAY_QUERY, RAY_RESULT
-from golden_model.interfaces import COUNTERS
-from rtl.axi_read_arbiter import AxiReadArbiter
-from rtl.config import Config
-from rtl.layouts import packet_of
-from rtl.one_hot import any_of, next_of
-from rtl.queues import Buffer
-from rtl.read_timer import TIMEOUT_BITS
-from rtl.traversal.counters import COUNTER_BITS
-from rtl.traversal.unit import Traversal
+from lightloom.golden_model.contract.formats import RAY_QUERY, RAY_RESULT
+from lightloom.golden_model.contract.interfaces import COUNTERS
+from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.layouts import packet_of
+from lightloom.rtl.fabric.one_hot import any_of, next_of
+from lightloom.rtl.fabric.queues import Buffer
+from lightloom.rtl.memory.axi_read_arbiter import AxiReadArbiter
+from lightloom.rtl.memory.read_timer import TIMEOUT_BITS
+from lightloom.rtl.traversal.counters import COUNTER_BITS
+from lightloom.rtl.traversal.unit import Traversal
 
 
 def traversal(config: Config) -> wiring.Component:

@@ -7,13 +7,13 @@ from amaranth.lib import data, wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import LEAF_RAY, TIME_BITS, TRIANGLE_HIT
-from rtl.config import Config
-from rtl.layouts import layout_of
-from rtl.operators.float_compare import compare
-from rtl.queues import Queue
-from rtl.ray_time import RayTime
-from rtl.traversal.records import ERROR_BITS, Ports, beside_layout, context_bits
+from lightloom.golden_model.contract.formats import LEAF_RAY, TIME_BITS, TRIANGLE_HIT
+from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.layouts import layout_of
+from lightloom.rtl.fabric.queues import Queue
+from lightloom.rtl.intersection.ray_time import RayTime
+from lightloom.rtl.operators.float_compare import compare
+from lightloom.rtl.traversal.records import ERROR_BITS, Ports, beside_layout, context_bits
 
 TIMED = ("t_max", "rate", "scale")
 """The fields of LEAF_RAY that give the box test's distance of t_max."""

@@ -10,12 +10,12 @@ from amaranth.lib import data, stream, wiring
 from amaranth.lib.fifo import SyncFIFO
 from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import TIME_BITS, TRACE_ERRORS, WIDTH
-from rtl.config import Config
-from rtl.one_hot import lowest, next_of, number_of
-from rtl.queues import Buffer
-from rtl.traversal.masks import Counts, minus, one_hot, plus, replace
-from rtl.traversal.records import (
+from lightloom.golden_model.contract.formats import TIME_BITS, TRACE_ERRORS, WIDTH
+from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.one_hot import lowest, next_of, number_of
+from lightloom.rtl.fabric.queues import Buffer
+from lightloom.rtl.traversal.masks import Counts, minus, one_hot, plus, replace
+from lightloom.rtl.traversal.records import (
     ADDRESS_BITS,
     ERROR_BITS,
     RANK_BITS,
@@ -28,7 +28,7 @@ from rtl.traversal.records import (
     node_visit,
     strobe,
 )
-from rtl.traversal.stacks import LISTS, Stacks
+from lightloom.rtl.traversal.stacks import LISTS, Stacks
 
 POPS = 6
 """Visits on their way from the stacks to a request: three in registers, the others wait for their turn. One a cycle

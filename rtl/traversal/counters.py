@@ -4,7 +4,7 @@ from amaranth import Module, Signal
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.interfaces import COUNTERS
+from lightloom.golden_model.contract.interfaces import COUNTERS
 
 COUNTER_BITS = 48
 

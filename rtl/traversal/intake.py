@@ -5,16 +5,16 @@ from amaranth import Cat, Const, Module, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import BVH_HEADER, LEAF_RAY, RAY_QUERY
-from rtl.box_setup import BoxSetup
-from rtl.config import Config
-from rtl.dataflow import Dataflow
-from rtl.float_flow import is_finite
-from rtl.layouts import layout_of, packet_of
-from rtl.operators.float_compare import FloatCompare
-from rtl.queues import Queue
-from rtl.ray_setup import RaySetup
-from rtl.traversal.records import NODE_RAY
+from lightloom.golden_model.contract.formats import BVH_HEADER, LEAF_RAY, RAY_QUERY
+from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.dataflow import Dataflow
+from lightloom.rtl.fabric.layouts import layout_of, packet_of
+from lightloom.rtl.fabric.queues import Queue
+from lightloom.rtl.intersection.box_setup import BoxSetup
+from lightloom.rtl.intersection.float_flow import is_finite
+from lightloom.rtl.intersection.ray_setup import RaySetup
+from lightloom.rtl.operators.float_compare import FloatCompare
+from lightloom.rtl.traversal.records import NODE_RAY
 
 PREPARED = 16
 """Rays inside. A context is taken only when a ray is prepared, so that contexts wait for memory and not for this."""

@@ -7,12 +7,12 @@ from amaranth.lib import data, stream, wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import BLOCK_BYTES, LEAF_RAY, TRACE_ERRORS, TRIANGLE_BLOCK, TRIANGLES_KIND
-from rtl.config import Config
-from rtl.layouts import layout_of
-from rtl.ray_triangle import RayTriangle, RayTriangleHalf
-from rtl.traversal.best_hits import TIMED, BestHits
-from rtl.traversal.records import ERROR_BITS, Ports, beside_layout, context_bits
+from lightloom.golden_model.contract.formats import BLOCK_BYTES, LEAF_RAY, TRACE_ERRORS, TRIANGLE_BLOCK, TRIANGLES_KIND
+from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.layouts import layout_of
+from lightloom.rtl.intersection.ray_triangle import RayTriangle, RayTriangleHalf
+from lightloom.rtl.traversal.best_hits import TIMED, BestHits
+from lightloom.rtl.traversal.records import ERROR_BITS, Ports, beside_layout, context_bits
 
 CORNER_BITS = 96
 TESTED = ("origin", "shear", "t_min", "axis", "flip", "cull")

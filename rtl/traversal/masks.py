@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from amaranth import Cat, Const, Module, Signal, Value
 
-from rtl.one_hot import any_of
+from lightloom.rtl.fabric.one_hot import any_of
 
 
 def one_hot(number: Value, count: int) -> Value:

@@ -8,12 +8,12 @@ from amaranth.lib import data, stream, wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import BLOCK_BYTES, NODE_BLOCK, NODE_KIND, TRACE_ERRORS
-from rtl.config import Config
-from rtl.layouts import layout_of
-from rtl.node_test import NodeTest
-from rtl.pipeline import register
-from rtl.traversal.records import (
+from lightloom.golden_model.contract.formats import BLOCK_BYTES, NODE_BLOCK, NODE_KIND, TRACE_ERRORS
+from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.layouts import layout_of
+from lightloom.rtl.fabric.pipeline import register
+from lightloom.rtl.intersection.node_test import NodeTest
+from lightloom.rtl.traversal.records import (
     ADDRESS_BITS,
     ERROR_BITS,
     NODE_RAY,

@@ -4,10 +4,10 @@ import numpy as np
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import BOX_RAY, HIT, NODE_HITS, NODE_TEST, TIME_BITS, WIDTH
-from rtl.config import Config
-from rtl.layouts import layout_of
-from rtl.queues import number_width
+from lightloom.golden_model.contract.formats import BOX_RAY, HIT, NODE_HITS, NODE_TEST, TIME_BITS, WIDTH
+from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.layouts import layout_of
+from lightloom.rtl.fabric.queues import number_width
 
 ERROR_BITS = 3
 """Bits of a code of TRACE_ERRORS."""

@@ -5,11 +5,11 @@ from amaranth.lib import data, stream, wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import HIT, RAY_RESULT, TRACE_ERRORS
-from rtl.config import Config
-from rtl.layouts import packet_of
-from rtl.traversal.intake import ray_status
-from rtl.traversal.records import Ports, context_bits, failure, strobe
+from lightloom.golden_model.contract.formats import HIT, RAY_RESULT, TRACE_ERRORS
+from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.layouts import packet_of
+from lightloom.rtl.traversal.intake import ray_status
+from lightloom.rtl.traversal.records import Ports, context_bits, failure, strobe
 
 
 class Results(wiring.Component):

@@ -6,9 +6,16 @@ from amaranth.lib.fifo import SyncFIFOBuffered
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
-from rtl.config import Config
-from rtl.traversal.best_hits import context_bits
-from rtl.traversal.records import ADDRESS_BITS, RANK_BITS, STACK_ENTRY, height_bits, push_list, strobe
+from lightloom.rtl.config import Config
+from lightloom.rtl.traversal.records import (
+    ADDRESS_BITS,
+    RANK_BITS,
+    STACK_ENTRY,
+    context_bits,
+    height_bits,
+    push_list,
+    strobe,
+)
 
 LISTS = 5
 """Lists inside: a node seldom leaves more than one entry, and then the nodes after it leave none."""

@@ -8,23 +8,23 @@ from amaranth import Const, Module, ResetInserter, Signal, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from golden_model.formats import LEAF_RAY, RAY_QUERY, RAY_RESULT
-from golden_model.interfaces import COUNTERS
-from rtl.axi_read_arbiter import AxiReadArbiter
-from rtl.block_cache import BlockCache
-from rtl.config import Config
-from rtl.header_reader import HeaderReader
-from rtl.layouts import packet_of
-from rtl.queues import PassingQueue, Queue, number_width
-from rtl.read_timer import TIMEOUT_BITS, ReadTimer
-from rtl.traversal.control import Control
-from rtl.traversal.counters import COUNTER_BITS, Counters
-from rtl.traversal.intake import LATTICE, Intake
-from rtl.traversal.leaf import LeafStage
-from rtl.traversal.loader import Loader
-from rtl.traversal.node_stage import NodeStage
-from rtl.traversal.records import ADDRESS_BITS
-from rtl.traversal.results import Results
+from lightloom.golden_model.contract.formats import LEAF_RAY, RAY_QUERY, RAY_RESULT
+from lightloom.golden_model.contract.interfaces import COUNTERS
+from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.layouts import packet_of
+from lightloom.rtl.fabric.queues import PassingQueue, Queue, number_width
+from lightloom.rtl.memory.axi_read_arbiter import AxiReadArbiter
+from lightloom.rtl.memory.block_cache import BlockCache
+from lightloom.rtl.memory.header_reader import HeaderReader
+from lightloom.rtl.memory.read_timer import TIMEOUT_BITS, ReadTimer
+from lightloom.rtl.traversal.control import Control
+from lightloom.rtl.traversal.counters import COUNTER_BITS, Counters
+from lightloom.rtl.traversal.intake import LATTICE, Intake
+from lightloom.rtl.traversal.leaf import LeafStage
+from lightloom.rtl.traversal.loader import Loader
+from lightloom.rtl.traversal.node_stage import NodeStage
+from lightloom.rtl.traversal.records import ADDRESS_BITS
+from lightloom.rtl.traversal.results import Results
 
 MASTERS = 3
 """The header reader and two caches share the memory port."""
@@ -43,9 +43,9 @@ class Traversal(wiring.Component):
     - `m_axi`: AXI4 read master.
     - `load`: strobe, a tree is to be used that begins at byte address `base`, a multiple of 64. Rays that are in the
       unit are finished first, and no ray enters before its header is read. Then `loaded` is high, or `load_error` says
-      why not (`rtl.header_reader`); until then both are 0.
+      why not (`rtl.memory.header_reader`); until then both are 0.
     - `read_timeout`: cycles after which, within as many again, a read of the memory that is not answered fails
-      (`rtl.read_timer`); 0: it is waited for.
+      (`rtl.memory.read_timer`); 0: it is waited for.
     - `abort`: strobe, rays and tree are forgotten. `aborting` is high from the next cycle until all reads under way
       have been answered, or with a `read_timeout` until the memory has been silent for so long; no ray is taken
       meanwhile, and a `load` is lost. Then all is as after a reset.

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from gen.emit import emit
-from rtl.config import PRESETS
-from sim import emitted as cache
-from sim import toolchain
+from lightloom.gen.emit import emit
+from lightloom.rtl.config import PRESETS
+from lightloom.sim import emitted as cache
+from lightloom.sim import toolchain
 
 
 @pytest.fixture(scope="session")
@@ -21,7 +21,7 @@ def emitted(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
     def folder(preset: str) -> Path:
         path = shared / "emitted" / preset
         with toolchain.locked(path), pytest.MonkeyPatch.context() as patch:
-            patch.setattr("gen.emit.verilog_of", cache.emitted)
+            patch.setattr("lightloom.gen.emit.verilog_of", cache.emitted)
             if not path.exists():
                 emit(None, PRESETS[preset], preset, path)
         return path

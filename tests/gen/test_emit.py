@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from gen.emit import emit
-from golden_model import bitpack
-from golden_model.errors import InputError
-from golden_model.interfaces import ALL
-from rtl.catalogue import CATALOGUE
-from rtl.config import PRESETS
+from lightloom.gen.emit import emit
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.interfaces import ALL
+from lightloom.golden_model.host.errors import InputError
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import PRESETS
 
 PORT = re.compile(r"^  (input|output) (?:\[(\d+):0\] )?(\w+);$", re.MULTILINE)
 
@@ -73,7 +73,7 @@ def test_bytes_depend_on_nothing_else(emitted: Callable[[str], Path], tmp_path: 
     """The same bytes from another process with another hash seed: of the traversal unit, which holds most of the
     others, and of an operator."""
     units, folder = ["traversal", "float_sqrt"], tmp_path / "again"
-    script = "import sys; from gen.emit import emit; from rtl.config import PRESETS as p; "
+    script = "import sys; from lightloom.gen.emit import emit; from lightloom.rtl.config import PRESETS as p; "
     script += "emit(sys.argv[2:], p['tiny'], 'tiny', __import__('pathlib').Path(sys.argv[1]))"
     seed = "2" if os.environ.get("PYTHONHASHSEED") == "1" else "1"
     run = [sys.executable, "-c", script, str(folder), *units]
@@ -93,7 +93,7 @@ def test_failure_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("gen.emit._write_json", full)
+    monkeypatch.setattr("lightloom.gen.emit._write_json", full)
     with pytest.raises(InputError, match="No space left on device"):
         emit(["float_minmax"], PRESETS["tiny"], "tiny", tmp_path / "out")
     assert list(tmp_path.iterdir()) == []

@@ -11,18 +11,18 @@ from amaranth import Module, Signal
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from gen.formal.all_inputs import Gates
-from gen.formal.bench import Bench
-from gen.formal.catalogue import PROPERTIES
-from gen.formal.faults import FAULTS
-from gen.formal.mutations import ROOT
-from gen.formal.numbers import every_input
-from gen.formal.properties import Bounded, Induction, Outcome, Property
-from gen.formal.small_floats import SmallFormat
-from gen.formal.solve import solve
-from gen.formal.streams import Tracker, held
-from rtl.float_format import FloatFormat
-from rtl.operators.float_multiply import FloatMultiply
+from lightloom.gen.formal.all_inputs import Gates
+from lightloom.gen.formal.bench import Bench
+from lightloom.gen.formal.catalogue import PROPERTIES
+from lightloom.gen.formal.faults import FAULTS
+from lightloom.gen.formal.mutations import ROOT
+from lightloom.gen.formal.numbers import every_input
+from lightloom.gen.formal.properties import Bounded, Induction, Outcome, Property
+from lightloom.gen.formal.small_floats import SmallFormat
+from lightloom.gen.formal.solve import solve
+from lightloom.gen.formal.streams import Tracker, held
+from lightloom.rtl.fabric.float_format import FloatFormat
+from lightloom.rtl.operators.float_multiply import FloatMultiply
 
 
 def documented() -> dict[str, tuple[str, dict[str, int]]]:

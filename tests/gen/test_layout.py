@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from gen.layout import FILES, PROGRAMS, _extent, _wires, place_and_route
-from golden_model.errors import InputError
+from lightloom.gen.flow.layout import FILES, PROGRAMS, _extent, _wires, place_and_route
+from lightloom.golden_model.host.errors import InputError
 
 pytest.importorskip("klayout", reason="pip install 'lightloom[flow]'")
 
 import klayout.db as kdb
 
-from gen.layout_check import METALS, VIAS, connections, violations, wanted
+from lightloom.gen.flow.layout_check import METALS, VIAS, connections, violations, wanted
 
 DEF = """UNITS DISTANCE MICRONS 200 ;
 DIEAREA ( -200 -100 ) ( 1800 900 ) ;
@@ -108,7 +108,7 @@ def test_a_root_without_the_pdk(tmp_path: Path) -> None:
 @pytest.mark.skipif(any(shutil.which(program) is None for program in PROGRAMS), reason="apt install qflow")
 @pytest.mark.skipif("PDK_ROOT" not in os.environ, reason="PDK_ROOT names no folder with IHP SG13G2")
 def test_layout_of_a_conversion(tmp_path: Path) -> None:
-    from lightloom.layout import lay_out
+    from lightloom.hardware.place_and_route import lay_out
 
     root = Path(os.environ["PDK_ROOT"])
     if not all(any(root.rglob(name)) for name in FILES.values()):

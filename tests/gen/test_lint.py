@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from rtl.catalogue import CATALOGUE
-from rtl.config import PRESETS
-from sim import toolchain
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import PRESETS
+from lightloom.sim import toolchain
 from tests import ROOT
 from tests.simulators import needs_icarus
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from gen.package import package
-from golden_model.errors import InputError
-from lightloom.packaging import CLOCKS, package_units
-from rtl.catalogue import CATALOGUE
-from rtl.config import PRESETS
+from lightloom.gen.package.package import package
+from lightloom.golden_model.host.errors import InputError
+from lightloom.hardware.package_inputs import CLOCKS, package_units
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import PRESETS
 from tests import ROOT
 from tests.simulators import needs_icarus
 

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gen.manifest import manifest
-from gen.package_files import constraints, ipxact, register_files, render
-from gen.package_formats import FORMATS, context
-from gen.package_registers import registers
-from golden_model import bitpack, formats
-from lightloom.packaging import package_units
-from rtl.catalogue import CATALOGUE
-from rtl.config import PRESETS
+from lightloom.gen.manifest import manifest
+from lightloom.gen.package.files import constraints, ipxact, register_files, render
+from lightloom.gen.package.formats import FORMATS, context
+from lightloom.gen.package.registers import registers
+from lightloom.golden_model.contract import bitpack, formats
+from lightloom.hardware.package_inputs import package_units
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import PRESETS
 
 SEED = 1685
 SPACE = "{http://www.accellera.org/XMLSchema/IPXACT/1685-2014}"

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gen.plots import line_chart
-from gen.policies_page import code, frame_times, percent, policies_page, setting, times
-from golden_model.images import write_film, write_png
+from lightloom.gen.pages.plots import line_chart
+from lightloom.gen.pages.policies_page import code, frame_times, percent, policies_page, setting, times
+from lightloom.golden_model.pictures.images import write_film, write_png
 
 KEY_FRAMES = [4, 8]
 KINDS = {"indirect": 700, "shadow": 100, "visibility": 0}

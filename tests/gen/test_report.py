@@ -4,8 +4,8 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from gen.pages import seconds
-from gen.plots import nice_ticks, short, stacked_bars
+from lightloom.gen.pages.pages import seconds
+from lightloom.gen.pages.plots import nice_ticks, short, stacked_bars
 
 
 @pytest.mark.parametrize("largest", [0.3, 1, 7, 10, 99, 300_000, 400_000, 123_456_789])

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from gen import fanout, fpga, libraries, macros, memories, synthesis, timing, tools
-from gen.memories import Memory
-from golden_model.errors import InputError
+from lightloom.gen.flow import fanout, fpga, libraries, macros, memories, synthesis, timing, tools
+from lightloom.gen.flow.memories import Memory
+from lightloom.golden_model.host.errors import InputError
 from tests.simulators import needs_icarus
 
 TWELVE = Path(__file__).with_name("twelve.lib")

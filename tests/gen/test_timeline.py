@@ -5,9 +5,9 @@ from xml.etree import ElementTree
 
 import pytest
 
-from gen.timeline import BAR, COLOURS, LEFT, RIGHT, ROWS, WIDTH, timeline
-from golden_model.machine import STAGES, FrameCounts, Machine, RayCounts
-from golden_model.schedule import DISPLAY, WHOLE, Schedule, schedule
+from lightloom.gen.pages.timeline import BAR, COLOURS, LEFT, RIGHT, ROWS, WIDTH, timeline
+from lightloom.golden_model.machine.cost_model import STAGES, FrameCounts, Machine, RayCounts
+from lightloom.golden_model.machine.schedule import DISPLAY, WHOLE, Schedule, schedule
 
 ROW_OF = {stage: row for row, (_, stages) in enumerate(ROWS) for stage in stages}
 SVG = "{http://www.w3.org/2000/svg}"

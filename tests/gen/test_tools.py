@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from gen import tools
-from golden_model.errors import InputError
+from lightloom.gen.flow import tools
+from lightloom.golden_model.host.errors import InputError
 
 
 def test_yosys_runs_in_its_folder(tmp_path: Path) -> None:

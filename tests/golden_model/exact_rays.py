@@ -6,8 +6,8 @@ functions rounded by a Fraction.
 
 import numpy as np
 
-from golden_model import bitpack
-from golden_model.formats import PREPARED_RAY, TRIANGLE_HIT
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.formats import PREPARED_RAY, TRIANGLE_HIT
 from tests import exact
 
 ONE = 0x3F800000

@@ -5,19 +5,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from golden_model.assemble import assemble
-from golden_model.camera import View, look_at
-from golden_model.charts import unwrap
-from golden_model.collector import Collector, Packing
-from golden_model.formats import POINT_LIGHT
-from golden_model.lightmap import Lightmaps
-from golden_model.parts import Part
-from golden_model.rasterizer import Mesh, draw
-from golden_model.scene import Scene
-from golden_model.shading import Surfaces
-from golden_model.shapes import icosphere, quad_triangles
-from golden_model.structure import Structure
-from golden_model.textures import build_textures, texel_coordinates
+from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.contract.formats import POINT_LIGHT
+from lightloom.golden_model.frame.rasterizer import Mesh, draw
+from lightloom.golden_model.rays.collector import Collector, Packing
+from lightloom.golden_model.rays.surface_shading import Surfaces
+from lightloom.golden_model.scene.assemble import assemble
+from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.scene.parts import Part
+from lightloom.golden_model.scene.pinhole import View, look_at
+from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.scene.shapes import icosphere, quad_triangles
+from lightloom.golden_model.scene.textures import build_textures, texel_coordinates
+from lightloom.golden_model.tracing.bvh.structure import Structure
 
 UP = np.array([0, 1, 0], dtype=np.float32)
 

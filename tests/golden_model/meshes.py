@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from lightloom.verif.vectors import ray_vectors
 from tests import ROOT
-from verif import ray_vectors
 
 BUNNY = ROOT / "build/meshes/bunny.obj"
 DRAGON = BUNNY.with_name("dragon.ply")

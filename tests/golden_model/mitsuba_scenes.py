@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from golden_model.scene import Scene
+from lightloom.golden_model.scene.scene import Scene
 
 
 def mitsuba() -> Any:

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from golden_model.formats import RAY
-from golden_model.scene import Scene
-from golden_model.scene_load import load_scene
+from lightloom.golden_model.contract.formats import RAY
+from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.scene.scene import Scene
 
 ROOM = """
 texel_size = 0.25

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from golden_model.box_setup import slope_of
-from golden_model.formats import BOX_FRACTION, BoxWidths
-from golden_model.ray_time import floor_shifted
+from lightloom.golden_model.contract.formats import BOX_FRACTION, BoxWidths
+from lightloom.golden_model.tracing.wide_bvh.box_setup import slope_of
+from lightloom.golden_model.tracing.wide_bvh.ray_time import floor_shifted
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ around the point aimed at are tested: the slopes are such that no rounding takes
 
 import numpy as np
 
-from golden_model.ray_setup import ray_setup
-from golden_model.ray_triangle import triangle_tests
-from verif.ray_vectors import rays, triangles
+from lightloom.golden_model.tracing.ray_setup import ray_setup
+from lightloom.golden_model.tracing.ray_triangle import triangle_tests
+from lightloom.verif.vectors.ray_vectors import rays, triangles
 
 PATCH = 18
 """Triangles a ray is tested against."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from pygltflib import AccessorSparseIndices, AccessorSparseValues, Primitive, Sparse
 
-from golden_model.parts import DEFAULT_ALBEDO
+from lightloom.golden_model.scene.parts import DEFAULT_ALBEDO
 from tests.golden_model.gltf_files import TYPES, Writer, primitive
 
 STRENGTH = "KHR_materials_emissive_strength"

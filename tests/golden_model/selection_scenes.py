@@ -6,20 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from golden_model.assemble import assemble
-from golden_model.camera import View, look_at
-from golden_model.charts import unwrap
-from golden_model.cornell_box import cornell_box, cornell_box_parts
-from golden_model.formats import TEXEL_STATE
-from golden_model.lightmap import Lightmaps, bilinear_taps
-from golden_model.motion import moved_records, scene_at
-from golden_model.parts import Part
-from golden_model.paths import ObjectKey, ObjectPath
-from golden_model.rasterizer import rasterize
-from golden_model.scene import Camera, Scene
-from golden_model.selection import FrameContext
-from golden_model.structure import Structure
-from golden_model.vectors import vector
+from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.contract.formats import TEXEL_STATE
+from lightloom.golden_model.frame.rasterizer import rasterize
+from lightloom.golden_model.maintenance.selection.selector import FrameContext
+from lightloom.golden_model.numerics.vectors import vector
+from lightloom.golden_model.scene.assemble import assemble
+from lightloom.golden_model.scene.files.cornell_box import cornell_box, cornell_box_parts
+from lightloom.golden_model.scene.keyframes import ObjectKey, ObjectPath
+from lightloom.golden_model.scene.lightmap import Lightmaps, bilinear_taps
+from lightloom.golden_model.scene.parts import Part
+from lightloom.golden_model.scene.pinhole import View, look_at
+from lightloom.golden_model.scene.pose import moved_records, scene_at
+from lightloom.golden_model.scene.scene import Camera, Scene
+from lightloom.golden_model.tracing.bvh.structure import Structure
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 

@@ -8,24 +8,24 @@ import numpy as np
 import pytest
 import trimesh
 
-from golden_model.accumulation import accumulate, fraction_bits
-from golden_model.accumulation import irradiance as from_fixed
-from golden_model.assemble import assemble
-from golden_model.cornell_box import cornell_box
-from golden_model.directions import tangent_of
-from golden_model.formats import TEXEL
-from golden_model.lightmap import VALID
-from golden_model.lights import lights_of
-from golden_model.parts import Part
-from golden_model.paths import ObjectKey, ObjectPath
-from golden_model.policy import POLICIES
-from golden_model.ray_offset import ray_start
-from golden_model.renderer import Renderer
-from golden_model.sampling import Update, indirect_share, light_met, texel_rays
-from golden_model.sampling_settings import Sampling
-from golden_model.scene import Scene
-from golden_model.scene_load import load_scene
-from golden_model.structure import Structure
+from lightloom.golden_model.contract.formats import TEXEL
+from lightloom.golden_model.maintenance.sampling.accumulate import accumulate, fraction_bits
+from lightloom.golden_model.maintenance.sampling.accumulate import irradiance as from_fixed
+from lightloom.golden_model.maintenance.sampling.settings import Sampling
+from lightloom.golden_model.maintenance.sampling.texel_rays import Update, indirect_share, light_met, texel_rays
+from lightloom.golden_model.maintenance.selection.policy import POLICIES
+from lightloom.golden_model.numerics.directions import tangent_of
+from lightloom.golden_model.renderer import Renderer
+from lightloom.golden_model.scene.assemble import assemble
+from lightloom.golden_model.scene.files.cornell_box import cornell_box
+from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.scene.keyframes import ObjectKey, ObjectPath
+from lightloom.golden_model.scene.lightmap import VALID
+from lightloom.golden_model.scene.lights import lights_of
+from lightloom.golden_model.scene.parts import Part
+from lightloom.golden_model.scene.ray_offset import ray_start
+from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tracing.bvh.structure import Structure
 from tests.golden_model.meshes import BUNNY
 from tests.golden_model.mitsuba_scenes import mitsuba, mitsuba_irradiance
 

@@ -5,16 +5,16 @@ from functools import cache
 import numpy as np
 import pytest
 
-from golden_model.assemble import assemble
-from golden_model.charts import unwrap
-from golden_model.lightmap import VALID
-from golden_model.parts import Part
-from golden_model.reference import Reference
-from golden_model.renderer import Renderer
-from golden_model.scene import Camera, Scene
-from golden_model.shading import readable
-from golden_model.structure import Structure
-from golden_model.vectors import vector
+from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.numerics.vectors import vector
+from lightloom.golden_model.oracle.converged_maps import Reference
+from lightloom.golden_model.rays.surface_shading import readable
+from lightloom.golden_model.renderer import Renderer
+from lightloom.golden_model.scene.assemble import assemble
+from lightloom.golden_model.scene.lightmap import VALID
+from lightloom.golden_model.scene.parts import Part
+from lightloom.golden_model.scene.scene import Camera, Scene
+from lightloom.golden_model.tracing.bvh.structure import Structure
 
 QUADS = {
     "floor": [[-3, 0, 3], [3, 0, 3], [3, 0, -3], [-3, 0, -3]],

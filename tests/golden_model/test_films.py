@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from golden_model.camera import look_at
-from golden_model.charts import unwrap
-from golden_model.errors import InputError
-from golden_model.formats import RAY
-from golden_model.irradiance import irradiance
-from golden_model.lightmap import VALID, Lightmaps, bilinear_taps
-from golden_model.motion import scene_at
-from golden_model.parts import DIFFUSE, GLASS, MIRROR
-from golden_model.rasterizer import Mesh, draw
-from golden_model.scene import RenderDefaults, Scene
-from golden_model.scene_load import load_scene
-from golden_model.structure import Structure
+from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.contract.formats import RAY
+from lightloom.golden_model.frame.rasterizer import Mesh, draw
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.oracle.path_tracer import irradiance
+from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, bilinear_taps
+from lightloom.golden_model.scene.parts import DIFFUSE, GLASS, MIRROR
+from lightloom.golden_model.scene.pinhole import look_at
+from lightloom.golden_model.scene.pose import scene_at
+from lightloom.golden_model.scene.scene import RenderDefaults, Scene
+from lightloom.golden_model.tracing.bvh.structure import Structure
 from tests import ROOT
 
 SCENES = ROOT / "scenes"

@@ -9,19 +9,19 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
-from golden_model import maintenance
-from golden_model.charts import unwrap
-from golden_model.frame_shader import FrameShading
-from golden_model.gather import gather
-from golden_model.lightmap import Lightmaps
-from golden_model.policy import POLICIES, Policy
-from golden_model.recorder import TestRecorder
-from golden_model.renderer import FrameResult, Pipeline, Renderer
-from golden_model.sampling_settings import Sampling
-from golden_model.scene import Scene
-from golden_model.structure import Structure
-from golden_model.traversal import backend_of
-from golden_model.visibility import LIKELY
+from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.frame.frame_rays import FrameShading
+from lightloom.golden_model.maintenance import maintainer
+from lightloom.golden_model.maintenance.sampling.gather import gather
+from lightloom.golden_model.maintenance.sampling.settings import Sampling
+from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
+from lightloom.golden_model.maintenance.selection.visibility import LIKELY
+from lightloom.golden_model.renderer import FrameResult, Pipeline, Renderer
+from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.tracing.bvh.traversal import backend_of
+from lightloom.golden_model.tracing.recorder import TestRecorder
 from tests.golden_model.moving_scenes import MOVING, scene_of
 
 SIZE: dict[str, Any] = {"width": 24, "height": 20}
@@ -158,7 +158,7 @@ def test_the_same_seed_gives_the_same_bits(tmp_path: Path, monkeypatch: pytest.M
         back = np.argsort(order)
         return replace(done, irradiance=done.irradiance[back], spread=done.spread[back])
 
-    monkeypatch.setattr(maintenance, "gather", shuffled)
+    monkeypatch.setattr(maintainer, "gather", shuffled)
     assert same(once, frames_of(scene, maps, 5, seed=seed))
 
 

@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from golden_model.charts import unwrap
-from golden_model.floats import half_to_float
-from golden_model.lightmap import VALID
-from golden_model.policy import POLICIES
-from golden_model.reference import Reference
-from golden_model.renderer import Renderer
-from golden_model.sampling_settings import Sampling
-from golden_model.structure import Structure
+from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.maintenance.sampling.settings import Sampling
+from lightloom.golden_model.maintenance.selection.policy import POLICIES
+from lightloom.golden_model.numerics.floats import half_to_float
+from lightloom.golden_model.oracle.converged_maps import Reference
+from lightloom.golden_model.renderer import Renderer
+from lightloom.golden_model.scene.lightmap import VALID
+from lightloom.golden_model.tracing.bvh.structure import Structure
 from tests.golden_model.moving_scenes import scene_of
 
 APPEARS = 10

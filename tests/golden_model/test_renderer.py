@@ -7,21 +7,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from golden_model.assemble import assemble
-from golden_model.bvh import build
-from golden_model.cornell_box import cornell_box
-from golden_model.errors import InputError
-from golden_model.floats import half_to_float
-from golden_model.irradiance import irradiance
-from golden_model.lightmap import VALID, bilinear, lightmap_coordinates
-from golden_model.parts import Part
-from golden_model.policy import POLICIES
-from golden_model.renderer import Pipeline, Renderer, render
-from golden_model.sampling_settings import Sampling
-from golden_model.scene import Scene
-from golden_model.shading import readable
-from golden_model.traversal import trace
-from golden_model.vectors import vector
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.maintenance.sampling.settings import Sampling
+from lightloom.golden_model.maintenance.selection.policy import POLICIES
+from lightloom.golden_model.numerics.floats import half_to_float
+from lightloom.golden_model.numerics.vectors import vector
+from lightloom.golden_model.oracle.path_tracer import irradiance
+from lightloom.golden_model.rays.surface_shading import readable
+from lightloom.golden_model.renderer import Pipeline, Renderer, render
+from lightloom.golden_model.scene.assemble import assemble
+from lightloom.golden_model.scene.files.cornell_box import cornell_box
+from lightloom.golden_model.scene.lightmap import VALID, bilinear, lightmap_coordinates
+from lightloom.golden_model.scene.parts import Part
+from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tracing.bvh.build import build
+from lightloom.golden_model.tracing.bvh.traversal import trace
 
 COARSE = replace(cornell_box(), texel_size=50.0)
 SIZE: dict[str, Any] = {"width": 24, "height": 20}

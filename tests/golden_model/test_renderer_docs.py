@@ -5,14 +5,14 @@ import re
 import numpy as np
 import pytest
 
-from golden_model import bitpack, formats
-from golden_model.collector import Packing
-from golden_model.directions import COUNT, ROTATIONS
-from golden_model.policy import Policy
-from golden_model.priority import class_table
-from golden_model.rasterizer import Rasterization
-from golden_model.regions import SIDE, SIDE_LEVELS
-from golden_model.sampling_settings import Sampling
+from lightloom.golden_model.contract import bitpack, formats
+from lightloom.golden_model.frame.rasterizer import Rasterization
+from lightloom.golden_model.maintenance.publishing.regions import SIDE, SIDE_LEVELS
+from lightloom.golden_model.maintenance.sampling.settings import Sampling
+from lightloom.golden_model.maintenance.selection.classes import class_table
+from lightloom.golden_model.maintenance.selection.policy import Policy
+from lightloom.golden_model.numerics.directions import COUNT, ROTATIONS
+from lightloom.golden_model.rays.collector import Packing
 from tests import ROOT
 
 AMOUNT = re.compile(r"(?:(\d[\d,]*) )?`([A-Z_]+)(?:\.(\w+))?`|(\d[\d,]*) (float32|bits?)")

@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from golden_model.floats import quiet
-from golden_model.formats import TRIANGLE
-from golden_model.ray_families import aimed, points_on
-from verif import ray_vectors
+from lightloom.golden_model.contract.formats import TRIANGLE
+from lightloom.golden_model.numerics.floats import quiet
+from lightloom.golden_model.stimuli.ray_families import aimed, points_on
+from lightloom.verif.vectors import ray_vectors
 
 Generator = np.random.Generator
 Case = tuple[np.ndarray, np.ndarray]

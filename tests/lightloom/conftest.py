@@ -66,11 +66,13 @@ def lightloom(tmp_path: Path) -> Run:
 def quick_verilog(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever asks for all units gets the smallest only; every unit can still be emitted and simulated by name."""
     # What works by name has to have its own view of the whole catalogue before.
-    import gen.emit
-    import lightloom.emission  # noqa: F401
-    import sim.bulk  # noqa: F401
+    import lightloom.gen.emit
+    import lightloom.hardware.describe
+    import lightloom.sim.bulk
 
-    monkeypatch.setattr("rtl.catalogue.CATALOGUE", {"float_compare": gen.emit.CATALOGUE["float_compare"]})
+    monkeypatch.setattr(
+        "lightloom.rtl.catalogue.CATALOGUE", {"float_compare": lightloom.gen.emit.CATALOGUE["float_compare"]}
+    )
 
 
 def files_below(folder: Path) -> set[str]:

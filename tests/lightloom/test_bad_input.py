@@ -177,8 +177,8 @@ def test_other_options(
     cli: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], words: list[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("gen.emit.verilog_of", lambda unit, config: f"// {unit}\n")
-    monkeypatch.setattr("sim.bulk.BulkUnit.__init__", lambda self, *_: None)
+    monkeypatch.setattr("lightloom.gen.emit.verilog_of", lambda unit, config: f"// {unit}\n")
+    monkeypatch.setattr("lightloom.sim.bulk.BulkUnit.__init__", lambda self, *_: None)
     cli(*arguments).refused(*words)
     assert files_below(tmp_path) == set()
 

@@ -6,15 +6,15 @@ from dataclasses import replace
 
 import pytest
 
-from golden_model.ray_families import diffuse_rays
-from golden_model.scene_load import load_scene
-from golden_model.wide_bvh import build_wide
-from golden_model.wide_traversal import queries_of
-from lightloom.bench_traversal import CONDITIONS, SEED, Sweep, command_of, default_sweep, measure
+from lightloom.bench.traversal import CONDITIONS, SEED, Sweep, command_of, default_sweep, measure
+from lightloom.bench.traversal_page import page, tables
 from lightloom.commands.bench import NUMBERS, SETTABLE
-from lightloom.traversal_page import page, tables
-from rtl.config import PARAMETERS, PRESETS, Config
-from sim.traversal import TraversalUnit
+from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.stimuli.ray_families import diffuse_rays
+from lightloom.golden_model.tracing.wide_bvh.encode import build_wide
+from lightloom.golden_model.tracing.wide_bvh.traversal import queries_of
+from lightloom.rtl.config import PARAMETERS, PRESETS, Config
+from lightloom.sim.traversal import TraversalUnit
 
 from .conftest import Run
 
@@ -25,7 +25,7 @@ SAME = {name: getattr(default_sweep(False), name) for name in ("identity_rays", 
 
 
 def test_measured(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lightloom.bench_traversal.default_sweep", lambda full: replace(SMALL, units=(1,)))
+    monkeypatch.setattr("lightloom.bench.traversal.default_sweep", lambda full: replace(SMALL, units=(1,)))
     outcome = cli("bench", "traversal", "--latency", "0,50", "--json")
     assert outcome.code == 0, outcome
     report = json.loads(outcome.out)
@@ -86,7 +86,7 @@ def test_the_command_of_a_sweep(cli: Run, monkeypatch: pytest.MonkeyPatch) -> No
         asked.append(sweep)
         return {"command": "", "speed": [], "units": [], "identity": [], "boxes": []}
 
-    monkeypatch.setattr("lightloom.bench_traversal.measure", record)
+    monkeypatch.setattr("lightloom.bench.traversal.measure", record)
     sweep = Sweep(scenes=("a", "b"), preset="tiny", widths=(4,), contexts=(16, 8), latencies=(7,), units=(1, 4), rays=5)
     cached = replace(SMALL, settings=(("node_sets", 128), ("multiplier_blocks", True)), **SAME)
     for wanted in (sweep, cached, default_sweep(False), default_sweep(True), replace(default_sweep(True), widths=(8,))):
@@ -152,7 +152,7 @@ def test_hardware_that_cannot_be(cli: Run, monkeypatch: pytest.MonkeyPatch) -> N
         Config(contexts=12)
         return {}
 
-    monkeypatch.setattr("lightloom.bench_traversal.measure", measure)
+    monkeypatch.setattr("lightloom.bench.traversal.measure", measure)
     cli("bench", "traversal").refused("contexts 12: must be a power of two, 2 to 256")
 
 

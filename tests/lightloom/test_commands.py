@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 from typer.main import get_command
 
-from golden_model.formats import RAY
-from golden_model.interfaces import SYSTEMS
-from golden_model.scene_load import load_scene
-from golden_model.traversal import trace
-from lightloom import documentation
 from lightloom.cli import app
-from rtl.catalogue import CATALOGUE
-from rtl.config import PRESETS
+from lightloom.golden_model.contract.formats import RAY
+from lightloom.golden_model.contract.interfaces import SYSTEMS
+from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.tracing.bvh.traversal import trace
+from lightloom.pages import command_line
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import PRESETS
 from tests import ROOT
 
 from .conftest import PROGRAM, Run, files_below
@@ -35,14 +35,14 @@ EXAMPLE = re.compile(r"^ +(lightloom .*)$", re.MULTILINE)
 
 def test_page_is_the_programs_help() -> None:
     page = ROOT / "docs" / "command-line.md"
-    assert page.read_text() == documentation.page() + "\n", "renew it: python -m lightloom.documentation > docs/…"
+    assert page.read_text() == command_line.page() + "\n", "renew it: python -m lightloom.pages.command_line > docs/…"
 
 
 def test_the_table_of_parameters_is_the_programs() -> None:
     page = ROOT / "docs" / "emission.md"
     table = re.search(r"^\| parameter \|.*?(?=\n\n)", page.read_text(), re.MULTILINE | re.DOTALL)
     assert table is not None
-    assert table[0] == documentation.parameters(), "renew it: python -m lightloom.documentation parameters"
+    assert table[0] == command_line.parameters(), "renew it: python -m lightloom.pages.command_line parameters"
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -207,7 +207,7 @@ def rays_file(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("any_hit", [False, True])
 def test_trace(cli: Run, tmp_path: Path, rays_file: Path, any_hit: bool) -> None:
-    from golden_model.bvh import build
+    from lightloom.golden_model.tracing.bvh.build import build
 
     options = ["--any-hit"] if any_hit else []
     golden, rtl = tmp_path / "golden.npz", tmp_path / "rtl.npz"
@@ -262,7 +262,7 @@ def test_irradiance(cli: Run, tmp_path: Path, room: Path) -> None:
 @pytest.mark.usefixtures("quick_verilog")
 def test_bench(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """It runs and has its keys; how fast is no matter of tests."""
-    for module in ("lightloom.bench_tracing", "lightloom.bench_frames"):
+    for module in ("lightloom.bench.tree", "lightloom.bench.frames"):
         monkeypatch.setattr(f"{module}.BUNNY", Path("no such file"))
     outcome = cli("bench", "--vectors", 1000, "--rays", 200, "--json")
     assert outcome.code == 0, outcome

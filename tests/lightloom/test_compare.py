@@ -8,8 +8,8 @@ import OpenEXR
 import pytest
 from PIL import Image
 
-from lightloom.difference import compare_bits, energy_ratio, relative_mse
-from lightloom.pictures import linear_to_srgb, srgb_to_linear
+from lightloom.shared.difference import compare_bits, energy_ratio, relative_mse
+from lightloom.shared.pictures import linear_to_srgb, srgb_to_linear
 
 from .conftest import Run
 

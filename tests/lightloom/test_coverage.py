@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from gen.coverage_page import coverage_page, percent
-from lightloom import coverage
+from lightloom.gen.pages.coverage_page import coverage_page, percent
+from lightloom.hardware import coverage
 from tests.lightloom.conftest import Run
 
 UNIT = "float_compare"

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from golden_model import bitpack
-from golden_model.ray_families import diffuse_rays
-from golden_model.ray_setup import ray_setup
-from golden_model.ray_triangle import ray_triangle, triangle_tests
-from golden_model.scene_load import load_scene
-from lightloom import replay as replay_module
-from lightloom.replay import replay
-from lightloom.sequence import looped, shown_lightmaps
-from sim.bulk import BulkUnit
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.stimuli.ray_families import diffuse_rays
+from lightloom.golden_model.tracing.ray_setup import ray_setup
+from lightloom.golden_model.tracing.ray_triangle import ray_triangle, triangle_tests
+from lightloom.hardware import replay as replay_module
+from lightloom.hardware.replay import replay
+from lightloom.render.sequence import looped, shown_lightmaps
+from lightloom.sim.bulk import BulkUnit
 
 from .conftest import Run, files_below
 
@@ -101,7 +101,7 @@ def test_demo(cli: Run, tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("quick_verilog")
 def test_demo_with_wrong_verilog(cli: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sim.bulk.BulkUnit", Broken)
+    monkeypatch.setattr("lightloom.sim.bulk.BulkUnit", Broken)
     outcome = cli("demo", *TINY, "--out", tmp_path / "demo")
     assert outcome.code == 1
     report = json.loads((tmp_path / "demo" / "report.json").read_text())

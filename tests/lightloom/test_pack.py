@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from golden_model.memory_image import load_tree
-from golden_model.scene_load import load_scene
-from golden_model.wide_bvh import tree_triangles
+from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.tracing.wide_bvh.encode import tree_triangles
+from lightloom.golden_model.tracing.wide_bvh.memory_image import load_tree
 
 from .conftest import Run, files_below
 

@@ -8,16 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from golden_model.errors import InputError
-from golden_model.formats import GBUFFER, TEXEL_STATE
-from golden_model.lightmap import EMPTY, VALID
-from golden_model.policy import POLICIES, Policy
-from golden_model.renderer import Renderer
-from golden_model.scene_load import load_scene
-from lightloom.policy_judge import counted_pixels, error, flip, straight_light, visible_texels
-from lightloom.policy_options import Comparison
-from lightloom.policy_parameters import changed_parameters, field_docs, parameters
-from lightloom.policy_pictures import (
+from lightloom.golden_model.contract.formats import GBUFFER, TEXEL_STATE
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
+from lightloom.golden_model.renderer import Renderer
+from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.scene.lightmap import EMPTY, VALID
+from lightloom.policies.judge import counted_pixels, error, flip, straight_light, visible_texels
+from lightloom.policies.options import Comparison
+from lightloom.policies.parameters import changed_parameters, field_docs, parameters
+from lightloom.policies.report import few_counted, summary
+from lightloom.render.policy_pictures import (
     ERROR_RANGE,
     QUANTITIES,
     UNKNOWN_AGE,
@@ -27,7 +28,6 @@ from lightloom.policy_pictures import (
     legend,
     relative_error,
 )
-from lightloom.policy_report import few_counted, summary
 
 from .conftest import LAMP, ROOM, Run, files_below
 
@@ -125,7 +125,7 @@ def test_ages_count_across_the_turn_of_the_frame_number() -> None:
 
 
 def test_visible_texels_are_those_that_pixels_read_in_the_end() -> None:
-    from golden_model.charts import unwrap
+    from lightloom.golden_model.charts.unwrap import unwrap
 
     lightmaps = unwrap(replace(load_scene("cornell-box"), texel_size=100.0))
     texel = int(np.flatnonzero(lightmaps.texels["state"] == VALID)[0])
@@ -253,7 +253,7 @@ def test_changed_parameters() -> None:
 
 @pytest.mark.parametrize("quantity", QUANTITIES, ids=lambda quantity: quantity.name)
 def test_legends_fit_their_scale(quantity: object) -> None:
-    from lightloom.policy_pictures import Quantity
+    from lightloom.render.policy_pictures import Quantity
 
     assert isinstance(quantity, Quantity)
     colours = legend(quantity)

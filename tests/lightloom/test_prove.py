@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from gen.formal import mutations
-from gen.formal.catalogue import PROPERTIES
-from gen.formal.faults import FAULTS
-from golden_model.errors import InputError
 from lightloom.cli import run
+from lightloom.gen.formal import mutations
+from lightloom.gen.formal.catalogue import PROPERTIES
+from lightloom.gen.formal.faults import FAULTS
+from lightloom.golden_model.host.errors import InputError
 
 
 def test_the_list_has_every_property(capsys: pytest.CaptureFixture[str]) -> None:

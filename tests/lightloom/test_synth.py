@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gen import libraries, timing, tools
-from golden_model.interfaces import UNITS
-from lightloom import netlist_check, results_page, synthesis
-from lightloom.machine import COMMIT as HERE
-from lightloom.machine import commands_at
-from lightloom.results import parts
-from rtl.catalogue import CATALOGUE
-from rtl.config import PRESETS
+from lightloom.gen.flow import libraries, timing, tools
+from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.hardware import netlist_check, synthesis
+from lightloom.pages import results
+from lightloom.pages.measure import parts
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import PRESETS
+from lightloom.shared.provenance import COMMIT as HERE
+from lightloom.shared.provenance import commands_at
 from tests import ROOT
 
 from .conftest import Run
@@ -112,7 +113,9 @@ def test_bad_input(
     cli: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: list[str], words: list[str]
 ) -> None:
     monkeypatch.setenv("LIGHTLOOM_CACHE", str(tmp_path / "cache"))
-    monkeypatch.setattr("gen.synthesis.elaborate", lambda *arguments: pytest.fail("the input was to be refused before"))
+    monkeypatch.setattr(
+        "lightloom.gen.flow.synthesis.elaborate", lambda *arguments: pytest.fail("the input was to be refused before")
+    )
     monkeypatch.chdir(tmp_path)
     unit = [] if options[0] == "float_ad" else [UNIT]
     cli("synth", *unit, *options, "--out", "out").refused(*words)
@@ -165,7 +168,7 @@ def test_page_of_results() -> None:
             "rows": [CAUGHT, {**CAUGHT, "caught by": "", "equivalent": "none sees it"}],
         },
     ]
-    page = results_page.page(reports)
+    page = results.page(reports)
     assert "| a triangle a cycle | base | at most 300,000 gates | 1 | 299,000 (ray_triangle) | yes | - | - |" in page
     assert "at least 1000 MHz | 2 | 900 (ray_setup) | no | ray_setup 900 |" in page
     for title in ("## Gates", "## asap7 typ", "## Netlists against the golden model", "## Proofs", "## Mutations"):
@@ -216,7 +219,7 @@ def test_area_of_a_unit_with_memories() -> None:
         {"command": "lightloom synth traversal --pdk asap7", "versions": VERSIONS, "checks": []}
         | {"rows": [{**row, "library": "asap7 typ"}], "memories": [{**MEMORY, "macro": None}]},
     ]
-    page = results_page.page(reports)
+    page = results.page(reports)
     ihp, asap7 = page.split("## asap7 typ")
     assert "| 2 | 5,376 | 1,450 |" in ihp
     assert "| traversal | full | stacks | 64 | 80 | ram64 | 4 | 1 | 1 | 0.625 | 3.2 | 200 |" in ihp

@@ -5,11 +5,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from golden_model import bitpack
-from golden_model.ray_families import adversarial_rays
-from golden_model.scene_load import load_scene
-from lightloom import tracing
-from lightloom.tracing import Tracer, golden_tracer, rtl_tracer
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.stimuli.ray_families import adversarial_rays
+from lightloom.hardware import tracers
+from lightloom.hardware.tracers import Tracer, golden_tracer, rtl_tracer
 
 SEED = 61
 
@@ -30,7 +30,7 @@ def traced(tracer: Tracer, rays: np.ndarray, any_hit: bool) -> np.ndarray:
 @pytest.mark.parametrize("any_hit", [False, True])
 @pytest.mark.parametrize("count", [0, 1, 32])
 def test_backends_agree(count: int, any_hit: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tracing, "RTL_BATCH", 200)
+    monkeypatch.setattr(tracers, "RTL_BATCH", 200)
     rays = adversarial_rays(scene(32), 500, SEED)
     golden, rtl = (traced(tracer(scene(count)), rays, any_hit) for tracer in (golden_tracer, rtl_tracer))
     assert bitpack.equal(golden, rtl).all(), f"seed {SEED}"

@@ -4,11 +4,11 @@ import functools
 
 import numpy as np
 
-from golden_model import bitpack
-from golden_model.models import model_results
-from rtl.catalogue import CATALOGUE
-from rtl.config import PRESETS
-from sim.bulk import BulkUnit
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.models import model_results
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import PRESETS
+from lightloom.sim.bulk import BulkUnit
 
 SHOWN = 5
 SLACK = 500

@@ -10,9 +10,9 @@ import pytest
 from amaranth import Module
 from amaranth.sim import Simulator
 
-from gen.verilog import convert
-from rtl.axi_read_arbiter import AxiReadArbiter
-from rtl.read_timer import ReadTimer
+from lightloom.gen.verilog import convert
+from lightloom.rtl.memory.axi_read_arbiter import AxiReadArbiter
+from lightloom.rtl.memory.read_timer import ReadTimer
 from tests.gen.test_lint import WAIVERS, lint
 from tests.rtl.axi_slave import AxiSlave
 

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 from amaranth.sim import Simulator
 
-from gen.verilog import convert
-from rtl.block_cache import CROWD, PATIENCE, BlockCache
-from rtl.queues import number_width
-from sim import toolchain, verilated
-from sim.runner import BenchError, run_cocotb
+from lightloom.gen.verilog import convert
+from lightloom.rtl.fabric.queues import number_width
+from lightloom.rtl.memory.block_cache import CROWD, PATIENCE, BlockCache
+from lightloom.sim import toolchain, verilated
+from lightloom.sim.runner import BenchError, run_cocotb
 from tests import ROOT
 from tests.gen.test_lint import WAIVERS, lint
 from tests.rtl.axi_slave import AxiSlave, Wrong, wrong_ends
@@ -55,7 +55,7 @@ def random_image(path: Path, blocks: int) -> Path:
 
 
 def bench(folder: Path, simulator: str, cache: str, count: int, text: str | None = None, only: str = "") -> int:
-    """Runs verif/test_block_cache.py with `count` requests a test, or its tests whose names match `only`."""
+    """Runs verif/benches/test_block_cache.py with `count` requests a test, or its tests whose names match `only`."""
     base = 0x1000
     image = random_image(folder / "image.bin", base // 64 + 2 * CACHES[cache]["sets"] * CACHES[cache]["ways"] + 100)
     description = {"image": str(image), "base": base, "count": count, "seed": SEED}
@@ -69,7 +69,7 @@ def bench(folder: Path, simulator: str, cache: str, count: int, text: str | None
             "block_cache.v": verilog(cache, 16) if text is None else text,
         },
         simulator,
-        module="verif.test_block_cache",
+        module="lightloom.verif.benches.test_block_cache",
         public_ports=PORTS,
         extra_env={"LIGHTLOOM_BENCH": json.dumps(description), **({"COCOTB_TEST_FILTER": only} if only else {})},
         plusargs=[f"+image={image}"],

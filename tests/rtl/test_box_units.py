@@ -6,16 +6,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from golden_model.bitpack import equal, pack, unpack
-from golden_model.formats import WIDTH
-from golden_model.models import MODELS, model_results
-from rtl.box_axis import STEPS
-from rtl.box_setup import add_depth, multiply_depth
-from rtl.catalogue import CATALOGUE
-from rtl.config import PRESETS, Config
-from sim.bulk import BulkUnit
+from lightloom.golden_model.contract.bitpack import equal, pack, unpack
+from lightloom.golden_model.contract.formats import WIDTH
+from lightloom.golden_model.models import MODELS, model_results
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import PRESETS, Config
+from lightloom.rtl.intersection.box_axis import STEPS
+from lightloom.rtl.intersection.box_setup import add_depth, multiply_depth
+from lightloom.sim.bulk import BulkUnit
+from lightloom.verif.vectors.box_vectors import box_setup_vectors, node_test_vectors, ray_time_vectors
 from tests.rtl.agreement import assert_agrees, bulk_unit
-from verif.box_vectors import box_setup_vectors, node_test_vectors, ray_time_vectors
 
 SEED = 20170724
 CHUNK = 250_000

@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gen.verilog import verilog_of
-from golden_model import bitpack
-from golden_model.formats import TRIANGLE
-from golden_model.ray_families import adversarial_rays, diffuse_rays
-from golden_model.wide_bvh import build_wide
-from golden_model.wide_traversal import queries_of, trace_tree
-from rtl.box_axis import STEPS
-from rtl.catalogue import CATALOGUE
-from rtl.config import PARAMETERS, Config, ConfigError, Parameter, powers_of_two
-from rtl.determinant import DIGITS
-from sim.traversal import TraversalUnit
+from lightloom.gen.verilog import verilog_of
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.formats import TRIANGLE
+from lightloom.golden_model.stimuli.ray_families import adversarial_rays, diffuse_rays
+from lightloom.golden_model.tracing.wide_bvh.encode import build_wide
+from lightloom.golden_model.tracing.wide_bvh.traversal import queries_of, trace_tree
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import PARAMETERS, Config, ConfigError, Parameter, powers_of_two
+from lightloom.rtl.intersection.box_axis import STEPS
+from lightloom.rtl.intersection.determinant import DIGITS
+from lightloom.sim.traversal import TraversalUnit
 
 SEED = 1905
 RAYS, TRIANGLES = 800, 200

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 from amaranth.sim import Simulator
 
-from golden_model.formats import TIME_BITS, TRACE_ERRORS, WIDTH
-from rtl.config import Config
-from rtl.traversal.control import FEW, NEAR_BITS, SURE, WINDOW, Control
+from lightloom.golden_model.contract.formats import TIME_BITS, TRACE_ERRORS, WIDTH
+from lightloom.rtl.config import Config
+from lightloom.rtl.traversal.control import FEW, NEAR_BITS, SURE, WINDOW, Control
 
 SEED = 1984
 RAYS = 120

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from amaranth.sim import Simulator
 
-from gen.verilog import convert
-from golden_model import bitpack
-from golden_model.formats import BVH_HEADER, BVH_MAGIC, BVH_VERSION, LOAD_ERRORS
-from rtl.header_reader import HeaderReader
+from lightloom.gen.verilog import convert
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.formats import BVH_HEADER, BVH_MAGIC, BVH_VERSION, LOAD_ERRORS
+from lightloom.rtl.memory.header_reader import HeaderReader
 from tests.gen.test_lint import WAIVERS, lint
 from tests.rtl.axi_slave import AxiSlave, Wrong, wrong_ends
 

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from gen.verilog import convert, ports_of
-from golden_model.formats import TRACE_ERRORS
-from rtl.config import PRESETS, Config
-from rtl.ray_time import RayTime
-from rtl.ray_triangle import RayTriangle, RayTriangleHalf
-from rtl.traversal.leaf import LeafStage
-from rtl.traversal.records import ERROR_BITS
-from sim import toolchain
-from sim.runner import run_cocotb
+from lightloom.gen.verilog import convert, ports_of
+from lightloom.golden_model.contract.formats import TRACE_ERRORS
+from lightloom.rtl.config import PRESETS, Config
+from lightloom.rtl.intersection.ray_time import RayTime
+from lightloom.rtl.intersection.ray_triangle import RayTriangle, RayTriangleHalf
+from lightloom.rtl.traversal.leaf import LeafStage
+from lightloom.rtl.traversal.records import ERROR_BITS
+from lightloom.sim import toolchain
+from lightloom.sim.runner import run_cocotb
 from tests import ROOT
 from tests.simulators import SIMULATORS, needs_icarus
 
@@ -51,7 +51,7 @@ def test_bench(simulator: str, contexts: int, interval: int, tmp_path: Path) -> 
         "leaf_stage",
         {"leaf_stage.v": verilog(config)},
         simulator,
-        module="verif.test_leaf_stage",
+        module="lightloom.verif.benches.test_leaf_stage",
         public_ports=["clk", "rst", *ports],
         extra_env={"LIGHTLOOM_BENCH": json.dumps(description)},
         seed=SEED,

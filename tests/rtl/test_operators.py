@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from amaranth.hdl import Fragment, UnusedElaboratable
 
-from gen.verilog import verilog_of
-from golden_model.formats import field_width
-from golden_model.interfaces import OPERATORS
-from golden_model.models import MODELS
-from rtl.catalogue import CATALOGUE
-from rtl.config import PRESETS, Config
-from rtl.float_format import FLOAT32
-from rtl.pipeline import StepCore, StreamUnit
-from sim.bulk import BulkUnit
+from lightloom.gen.verilog import verilog_of
+from lightloom.golden_model.contract.formats import field_width
+from lightloom.golden_model.contract.interfaces import OPERATORS
+from lightloom.golden_model.models import MODELS
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import PRESETS, Config
+from lightloom.rtl.fabric.float_format import FLOAT32
+from lightloom.rtl.fabric.pipeline import StepCore, StreamUnit
+from lightloom.sim.bulk import BulkUnit
 from tests import ROOT
 from tests.softfloat import softfloat_results
 from tests.vectors import corner_vectors, differences, random_vectors

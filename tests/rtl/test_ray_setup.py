@@ -2,12 +2,12 @@
 
 import pytest
 
-from golden_model.bitpack import equal
-from golden_model.ray_setup import ray_setup
-from rtl.catalogue import CATALOGUE
-from rtl.config import PRESETS, Config
+from lightloom.golden_model.contract.bitpack import equal
+from lightloom.golden_model.tracing.ray_setup import ray_setup
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import PRESETS, Config
+from lightloom.verif.vectors.ray_vectors import ray_setup_vectors
 from tests.rtl.agreement import assert_agrees, bulk_unit
-from verif.ray_vectors import ray_setup_vectors
 
 SEED = 20130413
 CHUNK = 250_000

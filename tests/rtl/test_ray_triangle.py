@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from golden_model.bitpack import equal
-from golden_model.ray_triangle import ray_triangle
-from rtl.catalogue import CATALOGUE
-from rtl.config import PARAMETERS, PRESETS, Config
-from rtl.determinant import cycles_of
-from sim.bulk import BulkUnit
+from lightloom.golden_model.contract.bitpack import equal
+from lightloom.golden_model.tracing.ray_triangle import ray_triangle
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import PARAMETERS, PRESETS, Config
+from lightloom.rtl.intersection.determinant import cycles_of
+from lightloom.sim.bulk import BulkUnit
+from lightloom.verif.vectors.ray_vectors import ray_triangle_vectors
 from tests.rtl.agreement import assert_agrees, bulk_unit
-from verif.ray_vectors import ray_triangle_vectors
 
 SEED = 20130413
 CHUNK = 250_000
@@ -53,7 +53,7 @@ def test_every_depth_of_the_reciprocal(unit: str, depth: int) -> None:
 
 
 def test_guard_bit_alone_rounds_every_reciprocal() -> None:
-    """What rtl.determinant relies on, for every significand: 25 bits of the quotient, for 1 all ones, give 1 / m."""
+    """What `determinant` relies on, for every significand: 25 bits of the quotient, for 1 all ones, give 1 / m."""
     significands = np.arange(1 << 23, 1 << 24, dtype=np.int64)
     quotients = np.minimum((1 << 48) // significands, (1 << 25) - 1)
     rounded = (quotients >> 1) + (quotients & 1)

@@ -5,9 +5,9 @@ from typing import Any
 
 from amaranth.sim import Simulator
 
-from golden_model.formats import WIDTH
-from rtl.config import PRESETS
-from rtl.traversal.stacks import Stacks
+from lightloom.golden_model.contract.formats import WIDTH
+from lightloom.rtl.config import PRESETS
+from lightloom.rtl.traversal.stacks import Stacks
 
 SEED = 1989
 LISTS = 60

@@ -9,17 +9,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gen.verilog import ports_of
-from golden_model import bitpack
-from golden_model.formats import RAY_QUERY, TRIANGLE
-from golden_model.ray_families import adversarial_rays, diffuse_rays
-from golden_model.wide_bvh import WideBvh, build_wide
-from golden_model.wide_traversal import queries_of, trace_tree
-from rtl.config import PRESETS
-from rtl.traversal.array import TraversalArray, traversal
-from rtl.traversal.unit import Traversal
-from sim.emitted import emitted
-from sim.traversal import TraversalUnit
+from lightloom.gen.verilog import ports_of
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.formats import RAY_QUERY, TRIANGLE
+from lightloom.golden_model.stimuli.ray_families import adversarial_rays, diffuse_rays
+from lightloom.golden_model.tracing.wide_bvh.encode import WideBvh, build_wide
+from lightloom.golden_model.tracing.wide_bvh.traversal import queries_of, trace_tree
+from lightloom.rtl.config import PRESETS
+from lightloom.rtl.traversal.array import TraversalArray, traversal
+from lightloom.rtl.traversal.unit import Traversal
+from lightloom.sim.emitted import emitted
+from lightloom.sim.traversal import TraversalUnit
 
 SEED = 1989
 UNITS = 3

@@ -13,8 +13,8 @@ import pytest
 from amaranth import Module, Signal, Value
 from amaranth.sim import Simulator
 
-from golden_model import bitpack
-from golden_model.formats import (
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.formats import (
     BLOCK_BYTES,
     BVH_HEADER,
     LOAD_ERRORS,
@@ -24,18 +24,18 @@ from golden_model.formats import (
     TRACE_ERRORS,
     TRIANGLE,
 )
-from golden_model.interfaces import COUNTERS
-from golden_model.ray_families import RAY_FAMILIES
-from golden_model.scene_load import load_scene
-from golden_model.wide_bvh import build_wide
-from golden_model.wide_traversal import queries_of, trace_tree
-from rtl.config import PRESETS
-from rtl.one_hot import next_of
-from rtl.traversal.loader import Loader
-from rtl.traversal.masks import Counts, minus, one_hot, plus
-from rtl.traversal.unit import Traversal
-from sim.emitted import emitted
-from sim.traversal import TraversalRun, TraversalUnit
+from lightloom.golden_model.contract.interfaces import COUNTERS
+from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.stimuli.ray_families import RAY_FAMILIES
+from lightloom.golden_model.tracing.wide_bvh.encode import build_wide
+from lightloom.golden_model.tracing.wide_bvh.traversal import queries_of, trace_tree
+from lightloom.rtl.config import PRESETS
+from lightloom.rtl.fabric.one_hot import next_of
+from lightloom.rtl.traversal.loader import Loader
+from lightloom.rtl.traversal.masks import Counts, minus, one_hot, plus
+from lightloom.rtl.traversal.unit import Traversal
+from lightloom.sim.emitted import emitted
+from lightloom.sim.traversal import TraversalRun, TraversalUnit
 from tests import ROOT
 from tests.gen.test_lint import WAIVERS, lint
 from tests.rtl.agreement import fields_in_hex

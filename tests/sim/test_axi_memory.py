@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim import toolchain
-from sim.runner import BenchError, run_cocotb
+from lightloom.sim import toolchain
+from lightloom.sim.runner import BenchError, run_cocotb
 from tests import ROOT
 from tests.simulators import SIMULATORS, needs_icarus
 
@@ -39,7 +39,7 @@ def bench(
     only: str | None = None,
     served: Path | None = None,
 ) -> int:
-    """Runs verif/test_axi_memory.py, or its tests whose names match `only`, on a random image.
+    """Runs verif/benches/test_axi_memory.py, or its tests whose names match `only`, on a random image.
 
     The memory serves that image, or `served`.
     """
@@ -49,7 +49,7 @@ def bench(
         "axi_memory",
         {"axi_memory.v": verilog},
         simulator,
-        module="verif.test_axi_memory",
+        module="lightloom.verif.benches.test_axi_memory",
         public_ports=PORTS,
         parameters={"DATA_WIDTH": data_width, "MEMORY_BITS": MEMORY_BITS, "QUEUE": QUEUE, "ID_WIDTH": ID_WIDTH},
         extra_env={"LIGHTLOOM_BENCH": json.dumps(description), **({"COCOTB_TEST_FILTER": only} if only else {})},

@@ -5,14 +5,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gen.verilog import verilog_of
-from golden_model import bitpack
-from golden_model.errors import InputError
-from golden_model.models import MODELS
-from rtl.catalogue import CATALOGUE
-from rtl.config import PRESETS
-from sim import bulk, toolchain
-from sim.bulk import BulkError, BulkUnit
+from lightloom.gen.verilog import verilog_of
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.models import MODELS
+from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import PRESETS
+from lightloom.sim import bulk, toolchain
+from lightloom.sim.bulk import BulkError, BulkUnit
 from tests.vectors import random_vectors
 
 NAME, SEED, COUNT = "float_compare", 7, 20_000

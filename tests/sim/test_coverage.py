@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.coverage import Exclusion, Point, exclusions, read_points, share, untaken
+from lightloom.sim.coverage import Exclusion, Point, exclusions, read_points, share, untaken
 
 LINES = (
     r"C '\1f\2/tmp/x/unit.v\1l\2{line}\1n\2{column}\1page\2{page}/unit\1o\2{what}\1h\2TOP.unit' {count}",

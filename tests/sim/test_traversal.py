@@ -6,18 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from golden_model import bitpack
-from golden_model.errors import InputError
-from golden_model.formats import BVH_MAGIC, RAY_QUERY, RAY_RESULT, TRACE_ERRORS, TRIANGLE
-from golden_model.ray_families import RAY_FAMILIES, diffuse_rays
-from golden_model.scene_load import load_scene
-from golden_model.wide_bvh import build_wide
-from golden_model.wide_traversal import COUNTS, queries_of, trace_tree
-from rtl.config import PRESETS, Config
-from sim import toolchain
-from sim.traversal import TraversalError, TraversalUnit, port_widths
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.formats import BVH_MAGIC, RAY_QUERY, RAY_RESULT, TRACE_ERRORS, TRIANGLE
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.stimuli.ray_families import RAY_FAMILIES, diffuse_rays
+from lightloom.golden_model.tracing.wide_bvh.encode import build_wide
+from lightloom.golden_model.tracing.wide_bvh.traversal import COUNTS, queries_of, trace_tree
+from lightloom.rtl.config import PRESETS, Config
+from lightloom.sim import toolchain
+from lightloom.sim.traversal import TraversalError, TraversalUnit, port_widths
 from tests.golden_model import meshes
-from tests.golden_model.test_watertight import Mesh
+from tests.golden_model.tracing.test_watertight import Mesh
 
 STAND_IN = Path(__file__).with_name("traversal_stand_in.v").read_text(encoding="utf-8")
 SEED, COUNT, BLOCKS = 53, 5000, 300

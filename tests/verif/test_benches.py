@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
-from gen.verilog import verilog_of
-from golden_model.interfaces import OPERATORS, UNITS
-from rtl.config import PRESETS
-from sim.runner import BenchError, run_bench
+from lightloom.gen.verilog import verilog_of
+from lightloom.golden_model.contract.interfaces import OPERATORS, UNITS
+from lightloom.rtl.config import PRESETS
+from lightloom.sim.runner import BenchError, run_bench
+from lightloom.verif.vectors.unit_vectors import unit_vectors
 from tests.simulators import SIMULATORS
-from verif.unit_vectors import unit_vectors
 
 SEED = 2013
 # Of a number unit, and of a larger one, of which Icarus simulates a hundred cycles a second: it is there for what is
@@ -24,7 +24,7 @@ def bench(unit: str, simulator: str, folder: Path, preset: str = "base", verilog
         operands=unit_vectors(unit, COUNT[simulator][unit not in OPERATORS], SEED),
         seed=SEED,
         config=PRESETS[preset],
-        module="verif.test_operators" if unit in OPERATORS else None,
+        module="lightloom.verif.benches.test_operators" if unit in OPERATORS else None,
         folder=folder,
         verilog=verilog,
     )

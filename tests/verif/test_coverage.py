@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from golden_model.formats import FLOAT
-from golden_model.interfaces import UNITS
-from golden_model.models import MODELS
-from verif.coverage import BINS, Groups, StreamCycles, cases, note, noted, together
-from verif.number_bins import BINS as NUMBER_BINS
-from verif.number_bins import number_bins, rounding, signed
-from verif.ray_bins import BINS as RAY_BINS
-from verif.unit_vectors import VECTORS
+from lightloom.golden_model.contract.formats import FLOAT
+from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.golden_model.models import MODELS
+from lightloom.verif.bins.coverage import BINS, Groups, StreamCycles, cases, note, noted, together
+from lightloom.verif.bins.number_bins import BINS as NUMBER_BINS
+from lightloom.verif.bins.number_bins import number_bins, rounding, signed
+from lightloom.verif.bins.ray_bins import BINS as RAY_BINS
+from lightloom.verif.vectors.unit_vectors import VECTORS
 
 
 def filled(bins: dict[str, int]) -> set[str]:

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from rtl.config import PRESETS, Config
-from sim.emitted import emitted
-from sim.runner import BenchError
-from sim.traversal_bench import SMALL, TAGS, run_traversal_bench
+from lightloom.rtl.config import PRESETS, Config
+from lightloom.sim.emitted import emitted
+from lightloom.sim.run_traversal_bench import SMALL, TAGS, run_traversal_bench
+from lightloom.sim.runner import BenchError
 from tests.simulators import SIMULATORS, needs_icarus
 
 TESTS = 39

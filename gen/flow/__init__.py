@@ -1,0 +1,1 @@
+"""Synthesis, timing, place and route, by tools of others."""

@@ -1,0 +1,1 @@
+"""What `lightloom package` writes."""

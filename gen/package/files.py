@@ -1,0 +1,79 @@
+"""The files of a package that describe a unit to a flow, each from a template or as JSON."""
+
+import json
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from lightloom.gen.package.registers import registers, size
+from lightloom.gen.pages.pages import TEMPLATES
+from lightloom.golden_model.contract.formats import LOAD_ERRORS
+
+DENSITY = 55
+"""Percent of the core that LibreLane fills with cells."""
+
+
+def render(template: str, **context: Any) -> str:
+    """A template of this folder, filled in. Only XML and HTML are escaped."""
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=template.endswith((".xml", ".html")),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(template).render(context)
+
+
+def constraints(unit: Mapping[str, Any], clock: float, unit_name: str = "ns") -> str:
+    """SDC of a unit, from its manifest, with a clock of `clock` ns."""
+    return render("package.sdc", **unit, period=f"{clock:g}", unit_name=unit_name)
+
+
+def ipxact(unit: Mapping[str, Any], version: str) -> str:
+    """IEEE 1685-2014 component of a unit."""
+    widths = {port["name"]: port["width"] for port in unit["ports"]}
+    axi = [(name.removeprefix("m_axi_").upper(), name) for name in widths if name.startswith("m_axi_")]
+    return render(
+        "package_ipxact.xml",
+        **unit,
+        version=version,
+        axi=axi,
+        axi_width=widths.get("m_axi_rdata"),
+        address_range=1 << widths.get("m_axi_araddr", 0),
+    )
+
+
+def librelane(unit: str, clock: float) -> str:
+    """Configuration of a unit for LibreLane; paths are relative to its own folder."""
+    return to_json(
+        {
+            "meta": {"version": 2},
+            "DESIGN_NAME": unit,
+            "VERILOG_FILES": [f"dir::../../../rtl/{unit}.v"],
+            "CLOCK_PORT": "clk",
+            "CLOCK_PERIOD": clock,
+            "PNR_SDC_FILE": f"dir::../../../sdc/{unit}.sdc",
+            "SIGNOFF_SDC_FILE": f"dir::../../../sdc/{unit}.sdc",
+            "FP_CORE_UTIL": DENSITY,
+        }
+    )
+
+
+def register_files(unit: Mapping[str, Any]) -> dict[str, str]:
+    """SystemRDL, C header and page of a unit's control and status ports, by their names' ends; else {}."""
+    found = registers(unit["ports"])
+    if not found:
+        return {}
+    errors = LOAD_ERRORS if any(port["name"] == "load_error" for port in unit["ports"]) else {}
+    shared = {"unit": unit["unit"], "registers": found, "size": size(found), "load_errors": errors}
+    return {end: render(f"package_registers{end}", **shared) for end in (".rdl", ".h", ".html")}
+
+
+def to_json(content: Mapping[str, Any]) -> str:
+    """JSON as a file; lists of plain values on one line."""
+    text = json.dumps(content, indent=2)
+    return re.sub(r"\[\s+([^\[\]{}]*?)\s+\]", lambda m: "[" + re.sub(r",\s+", ", ", m[1]) + "]", text) + "\n"

@@ -1,0 +1,129 @@
+"""One folder for a fabrication or FPGA flow: Verilog, constraints, descriptions, testbenches, checksums."""
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lightloom.gen.emit import emit
+from lightloom.gen.manifest import PACKAGES
+from lightloom.gen.package.bench import stream_bench, traversal_bench
+from lightloom.gen.package.files import constraints, ipxact, librelane, register_files, render, to_json
+from lightloom.gen.package.formats import context
+from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.outputs import whole_folder
+from lightloom.rtl.config import Config
+
+SHORTEST, LONGEST = 0.01, 10_000.0
+"""A clock's period in ns that is plausible."""
+
+
+def package(
+    units: Sequence[str] | None,
+    config: Config,
+    preset: str,
+    clock: float,
+    out: Path | str,
+    *,
+    operands: Callable[[str], np.ndarray],
+    memory_model: Path,
+    progress: Callable[[str], None] = lambda unit: None,
+) -> dict[str, Any]:
+    """Writes the package of some units (none named: of the whole catalogue) into `out`; returns its manifest.
+
+    `clock` is the period in ns that the constraints ask for. `operands` gives a unit's operands for its testbench,
+    `memory_model` is the Verilog of the simulated memory. The folder appears whole or not at all; the same arguments
+    give the same bytes. `progress` is told of every unit twice: emitted, done. Raises InputError for an unknown unit, a
+    clock that cannot be meant and a folder that cannot be written.
+    """
+    if not SHORTEST <= clock <= LONGEST:
+        raise InputError(f"--clock {clock:g}: a period in ns is {SHORTEST:g} to {LONGEST:g}")
+    with whole_folder(out) as folder:
+        manifests = emit(units, config, preset, folder / "rtl", progress=progress)
+        (folder / "rtl" / ".lightloom").unlink()  # the marker of a folder of its own
+        for unit in manifests:
+            for name, content in _unit_files(unit, config, clock, operands).items():
+                _write(folder / name, content)
+            progress(unit["unit"])
+        systems = [unit for unit in manifests if unit["unit"] not in UNITS]
+        if systems:
+            _write(folder / "testbench" / memory_model.name, memory_model.read_bytes())
+        for name, text in _shared_files(manifests, systems, preset, clock).items():
+            _write(folder / name, text.encode())
+        described = _manifest(folder, manifests, config, preset, clock)
+        _write(folder / "manifest.json", to_json(described).encode())
+        _write(folder / "SHA256SUMS", "".join(f"{_hash(folder / path)}  {path}\n" for path in _files(folder)).encode())
+    return described
+
+
+def _unit_files(
+    unit: dict[str, Any], config: Config, clock: float, operands: Callable[[str], np.ndarray]
+) -> dict[str, bytes]:
+    """All files of one unit but its Verilog: path in the package to content."""
+    name = unit["unit"]
+    sdc = constraints(unit, clock)
+    texts = {
+        f"sdc/{name}.sdc": sdc,
+        f"ipxact/{name}.xml": ipxact(unit, version("lightloom")),
+        f"flow/librelane/{name}/config.json": librelane(name, clock),
+        f"flow/openroad/{name}/config.mk": render("package_orfs.mk", unit=name, unit_name="ns"),
+        f"flow/openroad/{name}/constraint.sdc": sdc,
+    }
+    texts |= {f"registers/{name}{end}": text for end, text in register_files(unit).items()}
+    bench = stream_bench(unit, config, operands(name)) if name in UNITS else traversal_bench(unit, config)
+    files = {path: text.encode() for path, text in texts.items()}
+    return files | {f"testbench/{file}": content for file, content in bench.items()}
+
+
+def _shared_files(
+    manifests: list[dict[str, Any]], systems: list[dict[str, Any]], preset: str, clock: float
+) -> dict[str, str]:
+    names = [unit["unit"] for unit in manifests]
+    images = [unit["unit"] for unit in systems]
+    core = f"lightloom:{preset}:lightloom:{version('lightloom')}"
+    return {
+        "README.md": render(
+            "package_readme.md", units=manifests, preset=preset, clock=f"{clock:g}", register_units=images
+        ),
+        "Makefile": render("package_makefile", units=names),
+        "lightloom.f": "".join(f"rtl/{name}.v\n" for name in names),
+        "lightloom.core": render("package.core", name=core, units=manifests, preset=preset, images=images),
+        "include/lightloom_formats.h": render("package_formats.h", **context()),
+    }
+
+
+def _manifest(
+    folder: Path, manifests: list[dict[str, Any]], config: Config, preset: str, clock: float
+) -> dict[str, Any]:
+    keys = ("unit", "summary", "latency", "initiation_interval")
+    return {
+        "preset": preset,
+        "clock_ns": clock,
+        "config": asdict(config),
+        "versions": {name: version(name) for name in PACKAGES},
+        "units": [{key: unit[key] for key in keys} for unit in manifests],
+        "files": {
+            str(path): {"sha256": _hash(folder / path), "bytes": (folder / path).stat().st_size}
+            for path in _files(folder)
+        },
+    }
+
+
+def _files(folder: Path) -> list[Path]:
+    """Every file of the package by its path in it, in order, but the marker of `whole_folder`."""
+    found = (path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+    return sorted(path for path in found if path.name != ".lightloom")
+
+
+def _hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _write(path: Path, content: bytes) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)

@@ -1,0 +1,1 @@
+"""Made once a scene: charts, texel records, buried texels."""

@@ -1,0 +1,1 @@
+"""Visible surfaces, and the rays of pixels."""

@@ -1,0 +1,1 @@
+"""Cycles of a modelled machine: costs, schedule, budget."""

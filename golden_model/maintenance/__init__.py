@@ -1,0 +1,1 @@
+"""The model of the engine that keeps lightmaps alive."""

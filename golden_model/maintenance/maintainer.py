@@ -1,0 +1,126 @@
+"""Lightmap maintenance: texels are chosen, sampled by rays, and blended ([0042], [0058], FIG. 7, claims 1 to 8)."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from lightloom.golden_model.contract.formats import TEXEL_STATE
+from lightloom.golden_model.host.stopwatch import Stopwatch
+from lightloom.golden_model.maintenance.drift import departures
+from lightloom.golden_model.maintenance.sampling.gather import Gathered, World, gather
+from lightloom.golden_model.maintenance.sampling.running_average import blend_texels, drop
+from lightloom.golden_model.maintenance.sampling.settings import Sampling
+from lightloom.golden_model.maintenance.sampling.texel_rays import Update
+from lightloom.golden_model.maintenance.selection.policy import Policy
+from lightloom.golden_model.maintenance.selection.selector import FrameContext, Plan, Selector
+from lightloom.golden_model.rays.collector import Collector
+from lightloom.golden_model.rays.waves import Waves
+from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.scene.scene import Scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class Maintenance:
+    """What one frame did to the lightmaps."""
+
+    texels: np.ndarray
+    """Numbers of the texels updated, each once, in the order of their updates, (M,) int64."""
+    dropped: np.ndarray
+    """Texels whose values were dropped because their light has changed, (D,) int64."""
+    rays: dict[str, int]
+    """Rays traced by kind: "indirect", "specular" (on from mirrors and glass), "shadow", "visibility", "footprints";
+    together at most the budget."""
+    plan: Plan
+    """Why these texels."""
+
+
+class Maintainer:
+    """The maintained texels of a scene's lightmaps and the policy that chooses among them."""
+
+    def __init__(self, lightmaps: Lightmaps, scene: Scene, sampling: Sampling, policy: Policy, seed: int):
+        """Lightmaps and scene at rest."""
+        self.sampling, self.policy, self.seed = sampling, policy, seed
+        self.state = np.zeros(len(lightmaps.texels), dtype=TEXEL_STATE)
+        """TEXEL_STATE (N,)."""
+        self.selector = Selector(lightmaps, scene, policy)
+        self._owner = lightmaps.texels["object"]
+        self._maps = len(lightmaps.width)
+        self._departures = np.zeros((2, self._maps), dtype=np.int8)
+        """To which side the samples of each map departed from their averages, in the last two frames."""
+
+    def prime(
+        self, world: World, budget: int, collector: Collector, clock: Stopwatch
+    ) -> Waves[tuple[np.ndarray, dict[str, int]]]:
+        """One round before the first frame: the first texels of the order, as many as a frame pays for, sampled anew.
+
+        Values of an earlier round are dropped. Returns the texels and the rays traced by kind.
+        """
+        self.state["count"] = 0
+        self.state["number"] = 0
+        texel = self.selector.order[: budget // self.sampling.reserve(world.scene.specular)]
+        gathered = yield from self._update(world, texel, 0, collector, clock)
+        return texel, gathered.rays
+
+    def run(
+        self, world: World, context: FrameContext, budget: int, collector: Collector, clock: Stopwatch
+    ) -> Waves[Maintenance]:
+        """Updates texels by at most `budget` rays.
+
+        Every update reserves the most rays that it can take. What turns out not to be needed pays for further rounds.
+        """
+        reserve = self.sampling.reserve(world.scene.specular)
+        with clock("select"):
+            plan = self.selector.plan(context, budget, reserve)
+            plan.mark(self.state, self.policy.heavy_updates)
+            dropped = np.flatnonzero(plan.influence >= self.policy.drop_level)
+            drop(self.state, dropped)
+        adrift = (self._departures[0] == self._departures[1]) & (self._departures[1] != 0)
+        samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        rays = Counter(plan.rays)
+        waiting = np.concatenate([plan.texel, plan.spare])
+        count, updated = len(plan.texel), 0
+        for _ in range(self.sampling.rounds):
+            texel = waiting[updated : updated + count]
+            plan.forget_old(self.state, texel)
+            light = adrift[self._owner[texel]] & (self.state["heavy"][texel] == 0)
+            self.state["heavy"][texel[light]] = 1
+            known = self.state["count"][texel] > 0
+            before = self.state["irradiance"][texel]
+            gathered = yield from self._update(world, texel, context.frame, collector, clock)
+            samples.append((texel[known], before[known], gathered.irradiance[known]))
+            rays.update(gathered.rays)
+            updated += len(texel)
+            count = (budget - rays.total()) // reserve
+            if not count or updated == len(waiting):
+                break
+        if self.policy.drift:
+            with clock("blend"):
+                texel, before, sample = (np.concatenate(parts) for parts in zip(*samples, strict=True))
+                now = departures(
+                    self._owner[texel],
+                    before,
+                    sample,
+                    self._maps,
+                    world.fraction,
+                    self.policy.drift_least,
+                    self.policy.drift_certainty,
+                )
+                self._departures = np.stack([self._departures[1], now])
+        self.selector.spend(plan, updated - len(plan.texel))
+        return Maintenance(texels=waiting[:updated], dropped=dropped, rays=dict(rays), plan=plan)
+
+    def _update(
+        self, world: World, texel: np.ndarray, frame: int, collector: Collector, clock: Stopwatch
+    ) -> Waves[Gathered]:
+        """Samples and blends texels (M,), all different."""
+        update = Update(
+            texel=texel,
+            record=world.lightmaps.texels[texel],
+            number=self.state["number"][texel],
+            seed=self.seed,
+        )
+        gathered = yield from gather(world, update, self.sampling, collector, clock)
+        with clock("blend"):
+            blend_texels(self.state, texel, gathered.irradiance, self.sampling.blending, frame, gathered.spread)
+        return gathered

@@ -1,0 +1,1 @@
+"""The versions of the maps that shaders read."""

@@ -1,0 +1,200 @@
+"""Makes the versions of the lightmaps that shaders read ([0084], [0085]): binary16, filled, with coarser levels.
+
+A region of 8 x 8 texels is rewritten once in a frame, when the last of the updates that it shows has been blended; its
+levels follow, then the levels above the regions. What is left alone has the bits that publishing everything would give.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lightloom.golden_model.contract.formats import PUBLISHED_TEXEL, TEXEL_STATE
+from lightloom.golden_model.maintenance.publishing.mipmaps import renew_levels
+from lightloom.golden_model.maintenance.publishing.regions import regions_of
+from lightloom.golden_model.numerics.floats import float_to_half, flush, quiet
+from lightloom.golden_model.scene.lightmap import Lightmaps, filled
+
+LARGEST_HALF = np.float32(65504)
+
+LEAST_EXPONENT, MOST_EXPONENT = -24, 24
+"""Range of the exponent of published values."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """What one frame's updates change in the published maps."""
+
+    region: np.ndarray
+    """Regions rewritten, (R,) int64, in the order in which they are complete."""
+    ready: np.ndarray
+    """Updates of the frame that have been blended when a region is complete, (R,) int64, ascending, at least 1."""
+    texel: np.ndarray
+    """Texels of the published maps that are written, all levels, (K,) int64, each once."""
+    rgba: np.ndarray
+    """Their new values, (K, 4) binary16."""
+
+
+class Publisher:
+    """Publishes the maps of one scene, all of them or what a frame has changed.
+
+    Beside the tables of `Regions` it keeps a bit a texel (sampled or not) and a counter a map (valid texels that are
+    not sampled).
+    """
+
+    def __init__(self, lightmaps: Lightmaps, exponent: int = 0):
+        """`exponent`: published values are irradiance / 2**exponent, so that binary16 fits the scene's light."""
+        if not LEAST_EXPONENT <= exponent <= MOST_EXPONENT:
+            raise ValueError(f"exponent {exponent}: must be {LEAST_EXPONENT} to {MOST_EXPONENT}")
+        self.lightmaps, self.exponent = lightmaps, exponent
+        self.regions = regions_of(lightmaps)
+        self._note_samples(np.zeros(len(lightmaps.texels), dtype=np.bool_))
+
+    def everything(self, state: np.ndarray) -> np.ndarray:
+        """TEXEL_STATE (N,) to PUBLISHED_TEXEL (texels of all levels,)."""
+        regions = self.regions
+        self._note_samples(state["count"] > 0)
+        published = np.zeros(regions.levels.total, dtype=PUBLISHED_TEXEL)
+        published["rgba"][: len(state)] = publish(self.lightmaps, state, self.exponent)["rgba"]
+        renew_levels(regions, published["rgba"], np.arange(regions.count))
+        return published
+
+    def difference(self, before: np.ndarray, state: np.ndarray, texel: np.ndarray) -> Difference:
+        """What turns the version `before` into the one that shows `state`: `everything(state)`, bit for bit.
+
+        `before` is PUBLISHED_TEXEL (texels of all levels,) as this publisher made it last. `texel` (M,) names every
+        texel whose state has changed since, in the order of the updates; naming others too only costs time.
+
+        While a map has valid texels without a sample, all regions that show one are rewritten whenever the map is
+        touched: their values depend on all samples around them (`pull_push`).
+        """
+        assert state.dtype == TEXEL_STATE
+        place, region = self.regions.showing(texel)
+        ready = np.zeros(self.regions.count, dtype=np.int64)
+        np.maximum.at(ready, region, place + 1)
+        unknown = self._count_samples(state, texel)
+        ready[self._showing_unknown(unknown)] = len(texel)
+        written = np.flatnonzero(ready)
+        rgba = before["rgba"].copy()
+        level0 = self.regions.texels(written)
+        rgba[level0] = self._values(state, level0, unknown)
+        changed = np.concatenate([level0, renew_levels(self.regions, rgba, written)])
+        order = written[np.argsort(ready[written], kind="stable")]
+        return Difference(region=order, ready=ready[order], texel=changed, rgba=rgba[changed])
+
+    def _note_samples(self, sampled: np.ndarray) -> None:
+        """Sets the bits and counters from whether each texel has a sample, (N,) bool."""
+        regions = self.regions
+        self._sampled = sampled
+        maps = regions.object[regions.of_texel[regions.covered & ~sampled]]
+        self._unknown = np.bincount(maps, minlength=len(self.lightmaps.width))
+
+    def _count_samples(self, state: np.ndarray, texel: np.ndarray) -> np.ndarray:
+        """Brings the bits and counters up to date; returns the maps that changed and have unsampled texels, (K,)."""
+        texel = np.unique(texel[self.regions.covered[texel]])
+        maps = self.regions.object[self.regions.of_texel[texel]]
+        sampled = state["count"][texel] > 0
+        np.add.at(self._unknown, maps, self._sampled[texel].astype(np.int64) - sampled)
+        self._sampled[texel] = sampled
+        touched = np.unique(maps)
+        return touched[self._unknown[touched] > 0]
+
+    def _showing_unknown(self, maps: np.ndarray) -> np.ndarray:
+        """Regions of `maps` (K,) that show a texel without a sample."""
+        found = [np.zeros(0, dtype=np.int64)]
+        for part, _ in self._parts(maps):
+            fill = self.lightmaps.fill[part]
+            found.append(self.regions.of_texel[part][(fill >= 0) & ~self._sampled[np.maximum(fill, 0)]])
+        return np.unique(np.concatenate(found))
+
+    def _values(self, state: np.ndarray, texel: np.ndarray, unknown: np.ndarray) -> np.ndarray:
+        """Published values of texels of level 0 (M,): (M, 4) binary16. `unknown`: maps that need `pull_push`."""
+        fill = self.lightmaps.fill[texel]
+        source = np.maximum(fill, 0)
+        value = state["irradiance"][source]
+        for part, shape in self._parts(unknown):
+            smooth = pull_push(state["irradiance"][part].reshape(*shape, 3), self._sampled[part].reshape(shape))
+            inside = (source >= part.start) & (source < part.stop)
+            value[inside] = smooth.reshape(-1, 3)[source[inside] - part.start]
+        rgba = _packed(value, state["count"][source] > 0, self.exponent)
+        return np.where((fill >= 0)[:, None], rgba, np.float16(0))
+
+    def _parts(self, maps: np.ndarray) -> list[tuple[slice, tuple[int, int]]]:
+        """Texels of level 0 and (height, width) of each of `maps`."""
+        lightmaps = self.lightmaps
+        return [
+            (slice(int(first), int(first) + int(width) * int(height)), (int(height), int(width)))
+            for first, width, height in zip(
+                lightmaps.offset[maps], lightmaps.width[maps], lightmaps.height[maps], strict=True
+            )
+        ]
+
+
+def apply(difference: Difference, published: np.ndarray) -> None:
+    """Writes a difference into PUBLISHED_TEXEL (texels of all levels,)."""
+    published["rgba"][difference.texel] = difference.rgba
+
+
+def exponent_for(fraction: int) -> int:
+    """The publisher's exponent for a scene whose accumulators have `fraction` bits after the point (0 to 31).
+
+    Irradiance as bright as the scene's brightest emission is published as 8 to 16: 4096 times as much fits in binary16,
+    and down to 2**-17 of it no bit of binary16's eleven is lost.
+    """
+    return 17 - fraction
+
+
+def publish(lightmaps: Lightmaps, state: np.ndarray, exponent: int = 0) -> np.ndarray:
+    """Level 0 alone: TEXEL_STATE (N,) to PUBLISHED_TEXEL (N,), irradiance / 2**exponent in binary16, never infinite.
+
+    Texels that have not been sampled yet take a value from the sampled ones around them (`pull_push`), weight 0. Empty
+    and buried texels repeat the texel that `fill` names, so that a bilinear read at a chart's border sees no black.
+    """
+    assert state.dtype == TEXEL_STATE
+    sampled = state["count"] > 0
+    value = state["irradiance"].copy()
+    for width, height, offset in zip(lightmaps.width, lightmaps.height, lightmaps.offset, strict=True):
+        part = slice(offset, offset + width * height)
+        if not sampled[part][lightmaps.fill[part][lightmaps.fill[part] >= 0] - offset].all():
+            known = sampled[part].reshape(height, width)
+            value[part] = pull_push(value[part].reshape(height, width, 3), known).reshape(-1, 3)
+    out = np.zeros(len(state), dtype=PUBLISHED_TEXEL)
+    out["rgba"] = filled(lightmaps, _packed(value, sampled, exponent))
+    return out
+
+
+@quiet
+def _packed(value: np.ndarray, sampled: np.ndarray, exponent: int) -> np.ndarray:
+    """Irradiance (M, 3) float32 and a weight (M,) bool to binary16 (M, 4)."""
+    scaled = np.minimum(flush(np.ldexp(value, -exponent)), LARGEST_HALF)
+    return float_to_half(np.concatenate([scaled, sampled[:, None].astype(np.float32)], axis=1))
+
+
+@quiet
+def pull_push(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Fills an image (H, W, K) float32 where not `known` (H, W), smoothly; known pixels stay. All unknown: zero.
+
+    Gortler et al. 1996 with weights 0 and 1: each coarser pixel is the mean of the known ones among its four, and an
+    unknown pixel is read bilinearly from the coarser image, which was filled first. Sums run row by row.
+    """
+    height, width = known.shape
+    if known.all() or not known.any():
+        return np.where(known[..., None], values, np.float32(0))
+    rows, columns = (height + 1) // 2, (width + 1) // 2
+    total = np.zeros((rows, columns, values.shape[2]), dtype=np.float32)
+    count = np.zeros((rows, columns), dtype=np.float32)
+    for j, i in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        part = known[j::2, i::2]
+        place = slice(part.shape[0]), slice(part.shape[1])
+        count[place] += part
+        total[place] = flush(total[place] + np.where(part[..., None], values[j::2, i::2], np.float32(0)))
+    mean = flush(total / np.maximum(count, np.float32(1))[..., None])
+    coarse = pull_push(mean, count > 0)
+
+    def doubled(image: np.ndarray, size: int) -> np.ndarray:
+        """Twice as long along the first axis: 3/4 of the pixel above and 1/4 of the nearer neighbour."""
+        index = np.arange(size)
+        near, far = index // 2, np.clip(index // 2 + np.where(index % 2, 1, -1), 0, len(image) - 1)
+        return flush(flush(image[near] * np.float32(0.75)) + flush(image[far] * np.float32(0.25)))
+
+    smooth = doubled(doubled(coarse, height).swapaxes(0, 1), width).swapaxes(0, 1)
+    return np.where(known[..., None], values, smooth)

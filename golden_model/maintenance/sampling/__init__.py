@@ -1,0 +1,1 @@
+"""The rays of texels, what they bring, and the running average."""

@@ -1,0 +1,86 @@
+"""Sums what the rays of a texel bring, in fixed point: integer sums do not depend on the order in which rays return."""
+
+import numpy as np
+
+from lightloom.golden_model.numerics.floats import float_to_fixed
+from lightloom.golden_model.numerics.sample_spread import LUMINANCE_BITS, luminance
+from lightloom.golden_model.scene.scene import Scene
+
+HEADROOM_BITS = 10
+"""Of contributions that have no bound: what point lights bring, and area lights that shadow rays alone find."""
+BALANCED_HEADROOM_BITS = 6
+"""Of contributions of area lights where both ways to find them are balanced: at most pi times the emission …
+
+… over the number of rays, and as much again for each bounce, so that nothing saturates unless light adds up to more
+than twenty times what the brightest light emits, in one ray."""
+SETTLED_BITS = 10
+"""Light is settled if less than 2**-SETTLED_BITS of it is still to come."""
+_LUMINANCE_SHIFT = 4
+"""A contribution's luminance is added up in units of 4 of the accumulators' (and is the mean of four parts)."""
+
+
+def fraction_bits(scene: Scene, balanced: bool) -> int:
+    """Bits after the binary point for the accumulators of a scene at rest, for all its frames: 0 to 31.
+
+    A contribution saturates at 2**31 / 2**fraction: 2**6 times the brightest emission of an area light, or more, where
+    they are `balanced`, otherwise 2**10 times; and 2**10 times the irradiance of all point lights from half the scene's
+    longest side away. It is resolved to 2**-25, 2**-21 and 2**-21 of these or finer.
+    """
+    exponents = []
+    if scene.brightest > 0:
+        exponents.append(int(np.frexp(scene.brightest)[1]) + (BALANCED_HEADROOM_BITS if balanced else HEADROOM_BITS))
+    if len(scene.point_lights):
+        corners = scene.corners.reshape(-1, 3)
+        distance = float((corners.max(axis=0) - corners.min(axis=0)).max()) / 2
+        exponents.append(int(np.frexp(scene.brightest_lights / (distance * distance))[1]) + HEADROOM_BITS)
+    return int(np.clip(31 - max(exponents, default=0), 0, 31))
+
+
+def accumulate(slot: np.ndarray, contribution: np.ndarray, slots: int, fraction: int) -> np.ndarray:
+    """Contributions of rays (R, 3) float32 to accumulators `slot` (R,) of `slots`: their sums, (slots, 3) int64.
+
+    Each contribution is rounded to `fraction` bits after the point, to nearest even, saturating at 32 bits (NaN is 0);
+    the sums are exact. Hardware needs 32 + log2(rays a texel) bits.
+    """
+    total = np.zeros((slots, 3), dtype=np.int64)
+    np.add.at(total, slot, float_to_fixed(contribution, fraction).astype(np.int64))
+    return total
+
+
+def luminance_sums(
+    slot: np.ndarray, contribution: np.ndarray, slots: int, fraction: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Sums of the luminance of contributions and of its square, (slots,) int64 each; arguments as for `accumulate`.
+
+    Of the rounded contributions: (r + 2 g + b) / 16, rounded down, saturating at 24 bits. The sums are exact; hardware
+    needs 24 + log2(rays a texel) and 48 + log2(rays a texel) bits, 37 and 61 for 8192 rays.
+    """
+    fixed = float_to_fixed(contribution, fraction).astype(np.int64)
+    value = (fixed[:, 0] + 2 * fixed[:, 1] + fixed[:, 2]) >> _LUMINANCE_SHIFT
+    value = np.clip(value, 0, (1 << LUMINANCE_BITS) - 1)
+    sums, squares = np.zeros(slots, dtype=np.int64), np.zeros(slots, dtype=np.int64)
+    np.add.at(sums, slot, value)
+    np.add.at(squares, slot, value * value)
+    return sums, squares
+
+
+def light_of(irradiance: np.ndarray, fraction: int) -> int:
+    """Luminance of texels (M, 3) float32 together, in fixed point as contributions are; 32 + log2(M) bits."""
+    return int(float_to_fixed(luminance(irradiance), fraction).sum(dtype=np.int64))
+
+
+def settled(totals: list[int]) -> bool:
+    """Whether light that comes to rest, a bounce a round, lacks less than 2**-SETTLED_BITS of what it will come to.
+
+    `totals` is all light after each round so far, from darkness on. Late rounds rise in geometric progression; the rest
+    is the sum of its further terms, d * d / (c - d) for rises of c and then d. Three rounds are needed for that.
+    """
+    if len(totals) < 3 or not totals[-1]:
+        return False
+    before, last = totals[-2] - totals[-3], totals[-1] - totals[-2]
+    return last <= 0 or (last < before and (last * last << SETTLED_BITS) < totals[-1] * (before - last))
+
+
+def irradiance(total: np.ndarray, fraction: int) -> np.ndarray:
+    """Accumulators (M, 3) int64 to float32, rounded once; |total| < 2**53."""
+    return np.ldexp(total.astype(np.float64), -fraction).astype(np.float32)

@@ -1,0 +1,169 @@
+"""Samples of texels' irradiance: rays go out, radiance comes back, and what belongs to a texel is added up.
+
+This is the ray work of lightmap maintenance ([0059], [0062] to [0065]), without any state: the same for the maps that
+are kept alive frame by frame (`golden_model.maintenance.maintainer`) and for those that are brought to convergence
+(`golden_model.oracle.converged_maps`). It proceeds in waves of the ray collector, which other emitters share: a
+generator that yields where its rays wait to be traced (`golden_model.rays.waves`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lightloom.golden_model.host.stopwatch import Stopwatch
+from lightloom.golden_model.maintenance.sampling.accumulate import accumulate, irradiance, luminance_sums
+from lightloom.golden_model.maintenance.sampling.settings import Sampling
+from lightloom.golden_model.maintenance.sampling.texel_rays import (
+    TexelRays,
+    Update,
+    indirect_share,
+    light_met,
+    texel_rays,
+)
+from lightloom.golden_model.numerics.counter_rng import hash_u32
+from lightloom.golden_model.numerics.sample_spread import relative_spread
+from lightloom.golden_model.numerics.vectors import add, multiply
+from lightloom.golden_model.rays.collector import MAINTENANCE, Collector
+from lightloom.golden_model.rays.hit_shading import Onward, direct_at_hits, shade_rays
+from lightloom.golden_model.rays.surface_shading import Surfaces
+from lightloom.golden_model.rays.waves import Waves
+from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.scene.lights import Lights
+from lightloom.golden_model.scene.scene import Scene
+
+_LIT = 1  # what a path's key is hashed with for the shadow ray of its hit
+
+
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """What rays meet in one frame."""
+
+    surfaces: Surfaces
+    """What they read where they arrive."""
+    lightmaps: Lightmaps
+    """With the records of the frame's pose."""
+    lights: Lights
+    fraction: int
+    """Bits after the point of the accumulators."""
+
+    @property
+    def scene(self) -> Scene:
+        """The frame's scene."""
+        return self.surfaces.scene
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gathered:
+    """What rays brought to M texels."""
+
+    irradiance: np.ndarray
+    """One sample of each texel's irradiance, (M, 3) float32."""
+    spread: np.ndarray
+    """Its relative standard error as its rays tell, (M,) int64, 0 to 4095 in 1/256ths."""
+    rays: dict[str, int]
+    """Rays traced by kind: "indirect", "specular" (on from mirrors and glass), "shadow"."""
+
+
+def gather(world: World, update: Update, sampling: Sampling, collector: Collector, clock: Stopwatch) -> Waves[Gathered]:
+    """One sample of the irradiance of each of an update's M texels."""
+    samples = sampling.light_samples if sampling.direct == "maps" else 0
+    with clock("generate rays"):
+        rays = texel_rays(update, world.lights, sampling.directions, samples, sampling.balanced)
+        path = _Paths.begin(rays, update)
+    nearest = collector.emit(MAINTENANCE, path.rays)
+    shadow = collector.emit(MAINTENANCE, rays.shadow, any_hit=True)
+    yield
+    arrived = collector.hits(shadow)["primitive"] < 0
+    traced = {"indirect": len(rays.indirect), "specular": 0, "shadow": len(rays.shadow)}
+    radiance = np.zeros((len(rays.indirect), 3), dtype=np.float32)
+    for bounce in range(sampling.bounces + 1):
+        with clock("shade rays"):
+            hits = collector.hits(nearest)
+            # What shines counts where no shadow ray can have brought it: behind mirrors and glass.
+            shaded = shade_rays(world.surfaces, path.rays, hits, path.key, emission=bounce > 0)
+            path.add(radiance, shaded.radiance)
+            if bounce == 0 and sampling.balanced:
+                radiance = add(radiance, light_met(update, world.lights, rays, hits))
+            lit = path.lit(world, hits) if sampling.direct == "rays" else None
+            path = path.follow(shaded.onward) if bounce < sampling.bounces else path.none()
+        if not len(path.rays) and lit is None:
+            break
+        nearest = collector.emit(MAINTENANCE, path.rays)
+        traced["specular"] += len(path.rays)
+        if lit is not None:
+            shadow = collector.emit(MAINTENANCE, lit.rays, any_hit=True)
+            traced["shadow"] += len(lit.rays)
+        yield
+        if lit is not None:
+            lit.add(radiance, collector.hits(shadow)["primitive"] < 0)
+        if not len(path.rays):
+            break
+    with clock("accumulate"):
+        indirect = indirect_share(radiance, sampling.directions)
+        return _added_up(rays, indirect, arrived, world.fraction, traced)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Lit:
+    """Shadow rays from what rays have met, at most one a ray."""
+
+    root: np.ndarray
+    rays: np.ndarray
+    radiance: np.ndarray
+
+    def add(self, radiance: np.ndarray, arrived: np.ndarray) -> None:
+        """Adds what those that `arrived` (K,) bring to the radiance (R, 3) of the rays over the hemisphere."""
+        root = self.root[arrived]
+        radiance[root] = add(radiance[root], self.radiance[arrived])
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Paths:
+    """Rays over the hemisphere on their way, each by itself: at most one of a wave belongs to a root."""
+
+    root: np.ndarray  # (K,): the ray over the hemisphere that it goes on from
+    rays: np.ndarray  # RAY (K,)
+    weight: np.ndarray  # (K, 3): factor on what it brings
+    key: np.ndarray  # (K,) uint32
+
+    @classmethod
+    def begin(cls, rays: TexelRays, update: Update) -> "_Paths":
+        slot = rays.indirect_slot
+        within = np.arange(len(slot)) - (np.cumsum(rays.directions) - rays.directions)[slot]
+        return cls(
+            root=np.arange(len(slot)),
+            rays=rays.indirect,
+            weight=np.ones((len(slot), 3), dtype=np.float32),
+            key=hash_u32(update.texel[slot], update.number[slot], within, update.seed),
+        )
+
+    def add(self, radiance: np.ndarray, brought: np.ndarray) -> None:
+        """Adds what they bring, (K, 3), to the radiance (R, 3) of the rays over the hemisphere."""
+        radiance[self.root] = add(radiance[self.root], multiply(self.weight, brought))
+
+    def lit(self, world: World, hits: np.ndarray) -> _Lit:
+        """The shadow rays of what they have met, HIT (K,)."""
+        direct = direct_at_hits(world.surfaces, world.lights, hits, hash_u32(self.key, _LIT))
+        radiance = multiply(self.weight[direct.parent], direct.value)
+        return _Lit(root=self.root[direct.parent], rays=direct.rays, radiance=radiance)
+
+    def follow(self, onward: Onward) -> "_Paths":
+        """The rays that go on from them."""
+        weight = multiply(self.weight[onward.parent], onward.weight)
+        return _Paths(root=self.root[onward.parent], rays=onward.rays, weight=weight, key=onward.key)
+
+    def none(self) -> "_Paths":
+        return _Paths(root=self.root[:0], rays=self.rays[:0], weight=self.weight[:0], key=self.key[:0])
+
+
+def _added_up(
+    rays: TexelRays, indirect: np.ndarray, arrived: np.ndarray, fraction: int, traced: dict[str, int]
+) -> Gathered:
+    """Contributions (R, 3) of the rays over the hemisphere, and of the shadow rays that `arrived` (S,), by texel."""
+    texels = len(rays.directions)
+    slot, light = rays.shadow_slot[arrived], rays.light[arrived]
+    total = accumulate(np.concatenate([rays.indirect_slot, slot]), np.concatenate([indirect, light]), texels, fraction)
+    groups = [(*luminance_sums(rays.indirect_slot, indirect, texels, fraction), rays.directions)]
+    if rays.light_samples:
+        groups.append((*luminance_sums(slot, light, texels, fraction), np.asarray(rays.light_samples)))
+    return Gathered(irradiance=irradiance(total, fraction), spread=relative_spread(groups), rays=traced)

@@ -1,0 +1,1 @@
+"""Which texels a frame samples."""

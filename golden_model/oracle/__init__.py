@@ -1,0 +1,1 @@
+"""Converged answers that no hardware computes."""

@@ -1,0 +1,1 @@
+"""Pictures for the eye, outside the numeric contract."""

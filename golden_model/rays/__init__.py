@@ -1,0 +1,1 @@
+"""What every emitter of rays shares: the collector, waves, shading of what is met."""

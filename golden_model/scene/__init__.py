@@ -1,0 +1,1 @@
+"""A scene in memory and in a frame: parts, poses, lights, textures, lightmap addresses."""

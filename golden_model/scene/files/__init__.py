@@ -1,0 +1,1 @@
+"""Everything that reads a scene from outside, and the built-in one."""

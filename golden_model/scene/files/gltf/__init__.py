@@ -1,0 +1,1 @@
+"""glTF files: structure, arrays, materials, meshes."""

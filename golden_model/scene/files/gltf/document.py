@@ -1,0 +1,90 @@
+"""The structure of a glTF file: its JSON, by pygltflib, and the binary part of a .glb file."""
+
+import json
+import struct
+import warnings
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+from lightloom.golden_model.host.errors import InputError
+
+
+def gltf_document(path: Path) -> Any:
+    """The file's structure, a GLTF2 of pygltflib, with its binary part. Raises InputError."""
+    import pygltflib  # takes a while, and only these formats need it
+
+    data = path.read_bytes()
+    text, blob = _chunks(path, data) if path.suffix.lower() == ".glb" else (data, None)
+    try:
+        values = json.loads(text)
+        version, least = str(values["asset"]["version"]), str(values["asset"].get("minVersion") or "2.0")
+        newer = [int(part) for part in least.split(".")] > [2, 0]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise damaged(path, error) from error
+    if not version.startswith("2."):
+        raise InputError(f"{path}: is of glTF {version[:20]}; only 2.0 is read")
+    if newer:
+        raise InputError(f"{path}: needs glTF {least[:20]}; only 2.0 is read")
+    try:
+        _check_whole(values, _whole_names(pygltflib))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of pygltflib, about fields that may be left out
+            document = pygltflib.GLTF2.from_json(text.decode("utf-8-sig"), infer_missing=True)
+    except Exception as error:  # whatever it meets where the structure is another one
+        raise damaged(path, error) from error
+    document.set_binary_blob(blob)
+    return document
+
+
+def _check_whole(values: Any, names: frozenset[str], name: str = "") -> None:
+    """Raises ValueError for what is no whole number where the format has one; pygltflib would make one of it."""
+    if isinstance(values, dict):
+        for key, value in values.items():
+            if key not in ("extras", "extensions"):
+                _check_whole(value, names, key)
+    elif isinstance(values, list):
+        for value in values:
+            _check_whole(value, names, name)
+    elif name in names and (isinstance(values, str) or (isinstance(values, float) and not values.is_integer())):
+        raise ValueError(f"`{name}` is {values!r}, not a whole number")
+
+
+def _whole_names(library: Any) -> frozenset[str]:
+    """Names of the fields that are whole numbers or lists of such, of all tables of the format."""
+    tables = (item for item in vars(library).values() if isinstance(item, type) and is_dataclass(item))
+    return frozenset(field.name for table in tables for field in fields(table) if "int" in str(field.type))
+
+
+def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
+    """JSON and binary part of a .glb file."""
+    try:
+        magic, version, length, first, kind = struct.unpack_from("<4sIII4s", data)
+    except struct.error as error:
+        raise damaged(path, error) from error
+    if magic != b"glTF" or kind != b"JSON":
+        raise InputError(f"{path}: not a binary glTF file; damaged, or of another kind")
+    if version != 2:
+        raise InputError(f"{path}: is of glTF {version}; only 2.0 is read")
+    if not 20 + first <= length <= len(data):
+        raise damaged(path, f"it has {len(data)} of {length} bytes")
+    place = 20 + first
+    while place + 8 <= length:
+        size, kind = struct.unpack_from("<I4s", data, place)
+        if place + 8 + size > length:
+            raise damaged(path, "a part leads beyond its end")
+        if kind == b"BIN\0":
+            return data[20 : 20 + first], data[place + 8 : place + 8 + size]
+        place += 8 + size
+    return data[20 : 20 + first], None
+
+
+def damaged(path: Path, reason: object) -> InputError:
+    """A file that contradicts itself or the format."""
+    line = " ".join(str(reason).split())[:100] or type(reason).__name__
+    return InputError(f"{path}: cannot be read as glTF, damaged or cut off ({line})")
+
+
+def not_understood(path: Path, extension: str) -> InputError:
+    """A file that cannot be read without an extension that is not read."""
+    return InputError(f"{path}: needs the glTF extension {extension}, which is not read; save the file without it")

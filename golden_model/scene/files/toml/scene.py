@@ -1,0 +1,113 @@
+"""Scene descriptions in TOML (docs/scenes.md describes the format)."""
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lightloom.golden_model.contract.formats import POINT_LIGHT
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.numerics.vectors import vector
+from lightloom.golden_model.scene.assemble import assemble
+from lightloom.golden_model.scene.files.cornell_box import CAMERA, PATH
+from lightloom.golden_model.scene.files.toml.objects import BOX, MESH, QUAD, SPHERE, Objects
+from lightloom.golden_model.scene.files.toml.paths import key_frame, light_path
+from lightloom.golden_model.scene.files.toml.tables import Table
+from lightloom.golden_model.scene.keyframes import LightPath
+from lightloom.golden_model.scene.pinhole import LARGEST_SIDE
+from lightloom.golden_model.scene.scene import Camera, Keyframe, RenderDefaults, Scene
+
+
+def load_toml(path: Path) -> Scene:
+    """The scene that a TOML file describes; paths in it are relative to its folder. Raises InputError."""
+    try:
+        values = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path}: not a TOML file ({' '.join(str(error).split())})") from error
+    known = ("name", "texel_size", "render", "camera", "mesh", "quad", "box", "sphere", "point_light")
+    scene = Table(str(path), values, known)
+    objects = Objects(path.parent)
+    parts = [part for table in scene.tables("mesh", MESH) for part in objects.mesh(table)]
+    parts += [objects.quad(table) for table in scene.tables("quad", QUAD)]
+    parts += [objects.box(table) for table in scene.tables("box", BOX)]
+    parts += [objects.sphere(table) for table in scene.tables("sphere", SPHERE)]
+    lights, light_paths = _point_lights(scene)
+    camera, keys = _camera(scene)
+    assembled = assemble(
+        name=scene.text("name", path.stem),
+        parts=parts,
+        where=str(path),
+        camera=camera,
+        camera_path=keys,
+        point_lights=lights,
+        light_path=light_paths,
+        texel_size=scene.positive("texel_size") if "texel_size" in scene else None,
+    )
+    return replace(assembled, render=_render_defaults(scene))
+
+
+def _render_defaults(scene: Table) -> RenderDefaults:
+    """The [render] table, where there is one."""
+    table = Table(f"{scene.where}, [render]", scene.values.get("render", {}), ("frames", "size", "budget"))
+    size = None
+    if "size" in table:
+        wide, high = (int(x) for x in table.numbers("size", 2))
+        if [wide, high] != table.values["size"] or not (1 <= wide <= LARGEST_SIDE and 1 <= high <= LARGEST_SIDE):
+            raise InputError(f"{table.where}: `size` must be two whole numbers, 1 to {LARGEST_SIDE}")
+        size = wide, high
+    return RenderDefaults(
+        frames=table.whole("frames", 1) if "frames" in table else None,
+        size=size,
+        budget=table.whole("budget", 1) if "budget" in table else None,
+    )
+
+
+def _point_lights(scene: Table) -> tuple[np.ndarray, tuple[LightPath | None, ...]]:
+    """POINT_LIGHT (P,) at rest, and the path of each."""
+    tables = scene.tables("point_light", ("position", "intensity", "path", "loop"))
+    lights = np.zeros(len(tables), dtype=POINT_LIGHT)
+    for light, table in zip(lights, tables, strict=True):
+        light["position"], light["intensity"] = table.numbers("position", 3), table.not_negative("intensity")
+    paths = [light_path(table, row["position"], row["intensity"]) for row, table in zip(lights, tables, strict=True)]
+    return lights, tuple(paths)
+
+
+def _camera(scene: Table) -> tuple[Camera | None, tuple[Keyframe, ...]]:
+    """The camera and its path; None where the scene is to get one that frames it."""
+    if "camera" not in scene:
+        return None, ()
+    where = f"{scene.where}, [camera]"
+    table = Table(where, scene.values["camera"], ("builtin", "position", "target", "up", "fov_y_tan", "path"))
+    if "builtin" in table:
+        if table.text("builtin") != "cornell-box" or len(table.values) > 1:
+            raise InputError(f'{where}: `builtin` must be "cornell-box", alone')
+        return CAMERA, PATH
+    keys: list[Keyframe] = []
+    for key in table.tables("path", ("frame", "position", "target")):
+        frame = key_frame(key, keys[-1].frame if keys else None)
+        position, target = vector(key.numbers("position", 3)), vector(key.numbers("target", 3))
+        keys.append(Keyframe(frame=frame, position=position, target=target))
+    camera = Camera(
+        position=vector(table.numbers("position", 3)),
+        target=vector(table.numbers("target", 3)),
+        up=vector(table.numbers("up", 3, (0, 1, 0))),
+        fov_y_tan=np.float32(table.number("fov_y_tan", 0.4)),
+    )
+    _check_view(where, camera.position, camera.target, camera.up)
+    for view in keys:
+        _check_view(f"{where}, frame {view.frame}", view.position, view.target, camera.up)
+    if not 0 < camera.fov_y_tan < 1e3:
+        raise InputError(f"{where}: `fov_y_tan` must be greater than 0 and less than 1000, not {camera.fov_y_tan:g}")
+    return camera, tuple(keys)
+
+
+def _check_view(where: str, position: np.ndarray, target: np.ndarray, up: np.ndarray) -> None:
+    f, u = (target.astype(np.float64) - position).tolist(), up.astype(np.float64).tolist()
+    side = [f[1] * u[2] - f[2] * u[1], f[2] * u[0] - f[0] * u[2], f[0] * u[1] - f[1] * u[0]]
+    if side == [0, 0, 0]:
+        raise InputError(f"{where}: position and target must differ, and `up` must not point along the view")

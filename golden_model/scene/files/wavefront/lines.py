@@ -1,0 +1,32 @@
+"""Lines of Wavefront's text files, OBJ and MTL, as programs really write them."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.scene.files.plain_text import without_mark
+
+
+def lines(path: Path) -> Iterator[tuple[int, str, str]]:
+    """(line number, first word, the rest) of every line that holds something.
+
+    A backslash at its end joins a line to the next. `#` begins a comment where a word could begin: names may hold one.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    # Names in another encoding keep their differences: a byte that is no text becomes its code.
+    text = without_mark(data).decode("utf-8", errors="backslashreplace")
+    pending = ""
+    every = re.split(r"\r\n|\r|\n", text)
+    for number, line in enumerate(every, start=1):
+        line = pending + re.split(r"(?:^|\s)#", line, maxsplit=1)[0].rstrip()
+        if line.endswith("\\") and number < len(every):
+            pending = line[:-1] + " "
+            continue
+        pending = ""
+        words = line.rstrip("\\").split(maxsplit=1)
+        if words:
+            yield number, words[0], words[1].strip() if len(words) > 1 else ""

@@ -1,0 +1,176 @@
+"""Wavefront OBJ: a strict reader that says which line cannot be used.
+
+(General loaders let NaN, missing materials and indices out of range pass, or fail far from the line at fault.)
+Read are `v`, `vn`, `vt`, `f` (polygons become triangles, negative indices count back), `o` (an object each), `usemtl`
+and `mtllib`. What else would be seen is said to be left out; groups, smoothing and comments are ignored.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.scene.files.plain_text import real, whole
+from lightloom.golden_model.scene.files.polygons import triangulated
+from lightloom.golden_model.scene.files.remarks import Remarks
+from lightloom.golden_model.scene.files.wavefront.lines import lines
+from lightloom.golden_model.scene.files.wavefront.mtl import Colours, Materials
+from lightloom.golden_model.scene.mesh import unit_normals
+from lightloom.golden_model.scene.parts import Part
+
+SEEN = frozenset(("l", "p", "curv", "curv2", "surf", "call", "usemap"))
+"""Words for what would be seen: lines, points, curves and curved surfaces, other files, textures."""
+
+
+MOST = 2**31
+"""Numbers of vertices that a face may name before they are known; no file holds so many."""
+
+
+class _Faces:
+    """The faces of one object."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.corners: list[tuple[int, int, int]] = []
+        """Numbers of vertex, normal and texture point, -1 for none, of all faces' corners."""
+        self.sizes: list[int] = []
+        """Corners of each face; the rest is of each face too."""
+        self.material: list[str] = []
+        self.line: list[int] = []
+
+
+def load_obj(path: Path) -> list[Part]:
+    """The objects of an OBJ file, in their order; those without faces are left out. Raises InputError."""
+    vertices: list[list[float]] = []
+    normals: list[list[float]] = []
+    coordinates: list[list[float]] = []
+    remarks = Remarks(path)
+    materials = Materials(path)
+    objects = [_Faces(path.stem)]
+    material = ""
+    for line, key, text in lines(path):
+        where = f"{path}, line {line}"
+        values = text.split()
+        if key == "v":
+            vertices.append(_three(where, key, values))
+            if len(values) >= 6:
+                remarks.leave_out("colours of vertices")
+        elif key == "vn":
+            normals.append(_three(where, key, values))
+        elif key == "vt":
+            coordinates.append(_two(where, key, values))
+        elif key == "f":
+            if len(values) < 3:
+                raise InputError(f"{where}: a face needs three or more corners; the file may be cut off")
+            faces = objects[-1]
+            faces.corners += [_corner(where, word, len(vertices), len(normals), len(coordinates)) for word in values]
+            faces.sizes.append(len(values))
+            faces.material.append(material)
+            faces.line.append(line)
+        elif key == "o":
+            objects.append(_Faces(text or path.stem))
+        elif key == "usemtl":
+            material = text
+            materials.use(material, line)
+        elif key == "mtllib":
+            materials.load(text, line)
+        elif key in SEEN:
+            remarks.leave_out(f"`{key}`")
+    colours = materials.colours()
+    points = np.array(vertices, dtype=np.float64).reshape(-1, 3)
+    directions = np.array(normals, dtype=np.float64).reshape(-1, 3)
+    pictured = np.array(coordinates, dtype=np.float64).reshape(-1, 2)
+    crossing: list[int] = []
+    parts = [_part(path, item, points, directions, pictured, colours, crossing) for item in objects if item.sizes]
+    remarks.crossing(len(crossing), f"line {min(crossing, default=0)}")
+    remarks.say()
+    return parts
+
+
+def _part(
+    path: Path,
+    item: _Faces,
+    points: np.ndarray,
+    directions: np.ndarray,
+    coordinates: np.ndarray,
+    colours: dict[str, Colours],
+    crossing: list[int],
+) -> Part:
+    """`crossing` gets the lines of faces that cross themselves."""
+    corners, sizes = np.array(item.corners), np.array(item.sizes)
+    for column, (what, there) in enumerate((("vertex", points), ("normal", directions), ("`vt`", coordinates))):
+        # -1 stands for none; a vertex is always named.
+        outside = corners[:, column] >= len(there)
+        if outside.any():
+            face = int(np.repeat(np.arange(len(sizes)), sizes)[np.argmax(outside)])
+            raise InputError(
+                f"{path}, line {item.line[face]}: a face names a {what} that does not exist; the file has {len(there)}"
+            )
+    triangles = triangulated(points, corners[:, 0], sizes)
+    crossing += [item.line[face] for face in triangles.crossing]
+    index = corners[triangles.corner]
+    names = list(dict.fromkeys(item.material))
+    number = {name: k for k, name in enumerate(names)}
+    of_face = np.array([number[name] for name in item.material], dtype=np.int32)
+    with np.errstate(over="ignore"):
+        rounded = points[index[..., 0]].astype(np.float32)
+    return Part(
+        name=item.name,
+        corners=rounded,
+        normals=_unit_normals(directions, index[..., 1]),
+        albedo=np.array([colours[name][0] for name in names], dtype=np.float32),
+        emission=np.array([colours[name][1] for name in names], dtype=np.float32),
+        material=of_face[triangles.face],
+        texture_uv=_texture_coordinates(coordinates, index[..., 2]),
+    )
+
+
+def _unit_normals(directions: np.ndarray, index: np.ndarray) -> np.ndarray | None:
+    """Unit normals at the corners, None where a corner has none that can be used: then they are derived."""
+    if (index < 0).any():
+        return None
+    return unit_normals(directions[index])
+
+
+def _texture_coordinates(coordinates: np.ndarray, index: np.ndarray) -> np.ndarray | None:
+    """Texture coordinates at the corners, None where a corner has none that can be used."""
+    if (index < 0).any():
+        return None
+    with np.errstate(over="ignore"):
+        chosen = coordinates[index].astype(np.float32)
+    return chosen if np.isfinite(chosen).all() else None
+
+
+def _three(where: str, key: str, values: list[str]) -> list[float]:
+    try:
+        x, y, z = (real(word) for word in values[:3])
+    except ValueError:
+        raise InputError(f"{where}: `{key}` needs three numbers; the file may be damaged or cut off") from None
+    return [x, y, z]
+
+
+def _two(where: str, key: str, values: list[str]) -> list[float]:
+    try:
+        u, v = (real(word) for word in (values + ["0"] * (len(values) == 1))[:2])
+    except ValueError:
+        raise InputError(f"{where}: `{key}` needs one or two numbers; the file may be damaged or cut off") from None
+    return [u, v]
+
+
+def _corner(where: str, word: str, vertices: int, normals: int, coordinates: int) -> tuple[int, int, int]:
+    """`v`, `v/vt`, `v//vn` or `v/vt/vn` to the numbers of vertex, normal and texture point, from 0; -1 for none."""
+    parts = word.split("/")
+    try:
+        vertex = whole(parts[0])
+        normal = whole(parts[2]) if len(parts) > 2 and parts[2] else 0
+        texture = whole(parts[1]) if len(parts) > 1 and parts[1] else 0
+    except ValueError:
+        raise InputError(f"{where}: {word!r} is not a corner of a face; the file may be damaged or cut off") from None
+    absent = vertex == 0 or "0" in parts or vertex < -vertices or normal < -normals or texture < -coordinates
+    if absent or max(vertex, normal, texture) > MOST:
+        raise InputError(f"{where}: a face names a vertex, normal or `vt` that does not exist; numbers begin with 1")
+    return (
+        vertex - 1 if vertex > 0 else vertices + vertex,
+        normal - 1 if normal >= 0 else normals + normal,
+        texture - 1 if texture >= 0 else coordinates + texture,
+    )

@@ -1,0 +1,1 @@
+"""Seeded adversarial rays and boxes, for tests, benches and measurements."""

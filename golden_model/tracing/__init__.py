@@ -1,0 +1,1 @@
+"""One ray against one triangle, all triangles by force, and what every tracer shares."""

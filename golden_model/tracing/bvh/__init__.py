@@ -1,0 +1,1 @@
+"""A binary tree an object, joined; its traversal for the renderer."""

@@ -1,0 +1,1 @@
+"""Measurements, and the page of one of them."""

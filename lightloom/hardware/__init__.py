@@ -1,0 +1,1 @@
+"""Units described, packaged, synthesised, placed, proved, covered, replayed and traced."""

@@ -1,0 +1,103 @@
+"""Policies side by side: the same scene, seed and budget under each, against converged lightmaps of the same frames."""
+
+from pathlib import Path
+from typing import Any
+
+from lightloom.gen.pages.policies_page import policies_page
+from lightloom.gen.pages.timeline import timeline
+from lightloom.golden_model.machine.cost_model import FrameCounts, Machine
+from lightloom.golden_model.machine.schedule import schedule
+from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
+from lightloom.golden_model.renderer import Renderer
+from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.scene.scene import Scene
+from lightloom.policies.judge import Judge, visible_texels
+from lightloom.policies.options import Comparison
+from lightloom.policies.report import comparison_report, frame_row
+from lightloom.shared.console import Progress, json_text
+from lightloom.shared.provenance import machine, versions
+
+TIMELINE_FRAMES = 4
+"""Frames of the drawing of the machine's time."""
+
+
+def compare(
+    scene: Scene, lightmaps: Lightmaps, options: Comparison, folder: Path, progress: Progress
+) -> dict[str, Any]:
+    """Renders all frames under all policies, writes the pictures into `folder` and returns the report, ready for JSON.
+
+    Frame by frame: each policy's, then the reference's, once for all. What is held is the state of the renderers and
+    the film. In `folder`: film.webp, timeline.svg, and for each key frame NNNN frames/NNNN/reference.png, POLICY.png
+    and POLICY-error.png, and of the last policy maps/NNNN/QUANTITY.png and QUANTITY-maps.png.
+    """
+    with progress.stage("First light", len(options.policies)) as advance:
+        renderers = {}
+        for name in options.policies:
+            renderers[name] = _renderer(scene, lightmaps, options, POLICIES[name])
+            advance(1)
+    judge = Judge(scene, lightmaps, options, folder)
+    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in options.policies}
+    counts: dict[str, list[FrameCounts]] = {name: [] for name in options.policies}
+    compared = set(options.compared)
+    with progress.stage("Frames and references", options.frames * len(renderers) + len(compared)) as advance:
+        for number in range(options.frames):
+            results = {}
+            for name, renderer in renderers.items():
+                results[name] = renderer.frame()
+                advance(1)
+            figures: dict[str, dict[str, Any]] = {}
+            if number in compared:
+                figures = judge.look(results, renderers)
+                advance(1)
+            visible = visible_texels(lightmaps, results[options.full].gbuffer)
+            for name, result in results.items():
+                rows[name].append(frame_row(result, renderers[name].state, visible) | figures.get(name, {}))
+                counts[name].append(result.counts)
+    with progress.stage("Film and timelines"):
+        judge.write_film()
+        # Frames follow each other as fast as they are done, so that their times tell what they cost.
+        free = Machine(refresh_cycles=0, versions=renderers[options.full].pipeline.versions)
+        plans = {name: schedule(free, each) for name, each in counts.items()}
+        first = options.shown[0]
+        last = min(first + TIMELINE_FRAMES, options.frames) - 1
+        times = plans[options.full].frames
+        drawn = timeline(plans[options.full], times[first].begin, times[last].shown)
+        (folder / "timeline.svg").write_text(drawn, encoding="utf-8")
+    return comparison_report(scene, lightmaps, options, renderers, rows, plans) | {
+        "timeline_frames": [first, last],
+        "exposure": judge.exposure,
+        "reference": {
+            "rays": options.reference_rays,
+            "every": options.reference_every,
+            "frames": options.compared,
+            "noise": judge.noise,
+        },
+    }
+
+
+def _renderer(scene: Scene, lightmaps: Lightmaps, options: Comparison, policy: Policy) -> Renderer:
+    return Renderer(
+        scene,
+        width=options.width,
+        height=options.height,
+        budget=options.budget,
+        seed=options.seed,
+        sampling=options.sampling,
+        policy=policy,
+        lightmaps=lightmaps,
+        backend=options.backend,
+        threads=options.threads,
+    )
+
+
+def write_comparison(
+    scene: Scene, lightmaps: Lightmaps, options: Comparison, folder: Path, progress: Progress
+) -> dict[str, Any]:
+    """What `compare` writes, policies.json and index.html, into `folder`; returns what policies.json holds."""
+    report = compare(scene, lightmaps, options, folder, progress)
+    report |= {"versions": versions(), "machine": machine(), "seconds": dict(progress.seconds)}
+    with progress.stage("Page"):
+        page = policies_page(report, folder)
+    (folder / "policies.json").write_text(json_text(report))
+    (folder / "index.html").write_text(page, encoding="utf-8")
+    return report

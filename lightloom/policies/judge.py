@@ -1,0 +1,186 @@
+"""How far frames are from a reference of the same frames: the measures, and pictures of the differences.
+
+The measure is the mean relative error of a frame, E = sum |I - R| / sum R over the pixels that count and all channels
+of the linear pictures I and R. R is the picture of that very frame read from converged maps
+(`golden_model.oracle.converged_maps`), so what E counts is what is wrong with the maps, and nothing else.
+
+Light of emitters that reaches a pixel by no lightmap, seen directly, in a mirror or through glass, is the same in I and
+R by construction. It is taken out of both, and where it is most of what R shows, the pixel does not count: a lamp in
+view is many times as bright as what it lights, and would hide what is wrong everywhere else.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lightloom.golden_model.oracle.converged_maps import Reference
+from lightloom.golden_model.pictures.images import exposure_for, tonemap, write_film, write_png
+from lightloom.golden_model.renderer import FrameResult, Renderer
+from lightloom.golden_model.scene.lightmap import Lightmaps, bilinear_taps
+from lightloom.golden_model.scene.scene import Scene
+from lightloom.policies.options import Comparison
+from lightloom.render.policy_pictures import QUANTITIES, error_colours, relative_error, write_quantity
+from lightloom.shared.difference import relative_mse
+
+FILM_FRAMES = 60
+"""Frames in the film at most: they are held in memory and in the page."""
+FRAMES_PER_SECOND = 12.0
+NOISE_RAYS = 4
+"""The second reference, by which the first one's noise is estimated, has so many times fewer rays..."""
+LEAST_RAYS = 8
+"""... but no fewer than these."""
+REFERENCE_SEED = 0x5EED
+"""Keeps the reference's random numbers apart from the renders': added to the seed, modulo 2**32."""
+
+
+def straight_light(renderer: Renderer, result: FrameResult) -> np.ndarray:
+    """What the last frame, which `result` is, shows where all lightmaps are black: (H, W, 3) float32.
+
+    Light of emitters alone, straight or by mirrors and glass.
+    """
+    return renderer.picture(result, np.zeros_like(result.lightmap))
+
+
+def counted_pixels(straight: np.ndarray, reference: np.ndarray) -> np.ndarray:
+    """The pixels of a frame that measures count: (H, W) bool, from its straight light and its reference (H, W, 3).
+
+    Those of which no more than half of the reference is straight light.
+    """
+    own, whole = (picture.sum(axis=-1, dtype=np.float64) for picture in (straight, reference))
+    return np.asarray(np.isfinite(own) & (2 * own <= whole))
+
+
+def error(image: np.ndarray, reference: np.ndarray) -> float | None:
+    """E = sum |I - R| / sum R over the values of (..., 3) that are finite in both; None for a black reference."""
+    finite = np.isfinite(image) & np.isfinite(reference)
+    shown, wanted = image[finite].astype(np.float64), reference[finite].astype(np.float64)
+    total = float(wanted.sum())
+    return float(np.abs(shown - wanted).sum()) / total if total > 0 else None
+
+
+def visible_texels(lightmaps: Lightmaps, gbuffer: np.ndarray) -> np.ndarray:
+    """The valid texels of the finest level that pixels of a GBUFFER (H, W) read, (V,) int64, rising."""
+    seen = gbuffer[(gbuffer["object"] >= 0) & gbuffer["front"]]
+    texel, weight = bilinear_taps(lightmaps, seen["object"], seen["lightmap"])
+    shown = lightmaps.fill[texel[weight > 0]].astype(np.int64)
+    return np.unique(shown[shown >= 0])
+
+
+class Judge:
+    """Compares frames with the reference of the same frame, and writes the pictures of it."""
+
+    def __init__(self, scene: Scene, lightmaps: Lightmaps, options: Comparison, folder: Path):
+        self.scene, self.lightmaps, self.options, self.folder = scene, lightmaps, options, folder
+        self.reference = self._reference(options.reference_rays, 0)
+        self.exposure = options.exposure
+        self.noise: float | None = None
+        """The reference's own E, estimated at the first frame."""
+        compared = options.compared
+        places = np.linspace(0, len(compared) - 1, min(len(compared), FILM_FRAMES))
+        self._film_frames = {compared[round(place)] for place in places}
+        self._film: list[np.ndarray] = []
+
+    def _reference(self, rays: int, number: int) -> Reference:
+        options = self.options
+        return Reference(
+            self.scene,
+            self.lightmaps,
+            rays=rays,
+            seed=(options.seed + REFERENCE_SEED + number) % 2**32,
+            backend=options.backend,
+            threads=options.threads,
+        )
+
+    def look(self, results: Mapping[str, FrameResult], renderers: Mapping[str, Renderer]) -> dict[str, dict[str, Any]]:
+        """Compares one frame under each policy; writes its pictures if it is a key frame. Figures by policy."""
+        first = self.options.policies[0]
+        renderer, result = renderers[first], results[first]
+        wanted = renderer.picture(result, self.reference.published(result.frame, self._looked_at(result)))
+        if self.exposure is None:
+            self.exposure = exposure_for(wanted)
+        straight = straight_light(renderer, result)
+        counted = counted_pixels(straight, wanted)
+        mapped = wanted[counted] - straight[counted]
+        if self.noise is None:
+            self.noise = self._noise(renderer, result, straight, mapped, counted)
+        figures: dict[str, dict[str, Any]] = {
+            name: {
+                "error": error(shown.image[counted] - straight[counted], mapped),
+                "relative_mse": relative_mse(shown.image[counted] - straight[counted], mapped),
+                "counted": float(counted.mean()),
+            }
+            for name, shown in results.items()
+        }
+        if result.frame in self._film_frames:
+            self._film.append(self._film_frame(results, wanted, counted))
+        if result.frame in self.options.shown:
+            for name, value in self._write(results, wanted, counted).items():
+                figures[name]["flip"] = value
+            full = self.options.full
+            for quantity in QUANTITIES:
+                place = self.folder / "maps" / f"{result.frame:04}"
+                write_quantity(place, quantity, self.lightmaps, results[full], renderers[full].state)
+        return figures
+
+    def _noise(
+        self,
+        renderer: Renderer,
+        result: FrameResult,
+        straight: np.ndarray,
+        mapped: np.ndarray,
+        counted: np.ndarray,
+    ) -> float | None:
+        """The reference's own E, from one of fewer rays and other random numbers, which differs by the noise of both.
+
+        Taken to fall with the root of the number of rays; it falls faster, so this is rather too much.
+        """
+        rays = self.options.reference_rays
+        fewer = max(rays // NOISE_RAYS, LEAST_RAYS)
+        other = self._reference(fewer, 1).published(result.frame, self._looked_at(result))
+        between = error(renderer.picture(result, other)[counted] - straight[counted], mapped)
+        return None if between is None else between / float(np.sqrt(1 + rays / fewer))
+
+    def _looked_at(self, result: FrameResult) -> np.ndarray | None:
+        """The texels that the picture of a frame reads; None: any, where mirrors and glass show what is not seen."""
+        return None if self.scene.specular else visible_texels(self.lightmaps, result.gbuffer)
+
+    def _write(
+        self, results: Mapping[str, FrameResult], wanted: np.ndarray, counted: np.ndarray
+    ) -> dict[str, float | None]:
+        """Writes a key frame's pictures; mean FLIP of each policy's."""
+        reference = self._display(wanted)
+        found = {}
+        for name, result in results.items():
+            place = self.folder / "frames" / f"{result.frame:04}"
+            shown = self._display(result.image)
+            write_png(place / "reference.png", reference)
+            write_png(place / f"{name}.png", shown)
+            write_png(place / f"{name}-error.png", error_colours(relative_error(result.image, wanted, counted)))
+            found[name] = flip(shown, reference, counted)
+        return found
+
+    def _film_frame(self, results: Mapping[str, FrameResult], wanted: np.ndarray, counted: np.ndarray) -> np.ndarray:
+        """The baseline and the full policy side by side, and below each its errors."""
+        pair = [results[name].image for name in (self.options.baseline, self.options.full)]
+        top = np.concatenate([self._display(image) for image in pair], axis=1)
+        bottom = np.concatenate([error_colours(relative_error(image, wanted, counted)) for image in pair], axis=1)
+        return np.concatenate([top, bottom], axis=0)
+
+    def write_film(self) -> None:
+        """The film of all frames looked at, as long as the sequence."""
+        write_film(self.folder / "film.webp", self._film, FRAMES_PER_SECOND * len(self._film) / self.options.frames)
+
+    def _display(self, image: np.ndarray) -> np.ndarray:
+        assert self.exposure is not None
+        return tonemap(image, self.exposure)
+
+
+def flip(shown: np.ndarray, wanted: np.ndarray, counted: np.ndarray) -> float | None:
+    """Mean LDR-FLIP between 8-bit sRGB pictures (H, W, 3), 0 to 1, over pixels (H, W) bool; None if there are none."""
+    import flip_evaluator
+
+    test, reference = (picture.astype(np.float32) / 255 for picture in (shown, wanted))
+    differences, _, _ = flip_evaluator.evaluate(reference, test, "LDR", applyMagma=False)
+    return float(np.mean(differences[counted], dtype=np.float64)) if counted.any() else None

@@ -1,0 +1,174 @@
+"""The figures of a comparison of policies: a row a frame, a summary a policy, and the whole report, ready for JSON."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from lightloom.golden_model.machine.schedule import Schedule
+from lightloom.golden_model.maintenance.selection.policy import POLICIES
+from lightloom.golden_model.renderer import FrameResult, Renderer
+from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
+from lightloom.golden_model.scene.scene import Scene
+from lightloom.policies.options import Comparison
+from lightloom.policies.parameters import changed_parameters, parameters
+from lightloom.render.policy_pictures import (
+    ERROR_FLOOR,
+    ERROR_RANGE,
+    QUANTITIES,
+    UNKNOWN_AGE,
+    ages,
+    error_legend,
+    legend,
+)
+
+LEAST_COUNTED = 0.5
+"""Part of a frame's pixels that count, below which it is said."""
+DECIDING = ("visibility", "footprints")
+"""Kinds of rays by which a policy makes up its mind."""
+
+MEASURES = ("error", "relative_mse", "flip")
+"""What is compared with the baseline's."""
+
+ABOUT = {
+    "round-robin": "All texels in turn, whether anyone sees them or not.",
+    "visibility": "Texels that the frame or a coming one reads, before those that nobody sees.",
+    "variability": "Among those, the ones whose light varies: from update to update, within one, from texel to texel.",
+    "influence": "And the ones whose light becomes different: around what moves or is switched, and where sampling "
+    "notices a change.",
+}
+"""What each policy adds to the one before."""
+
+
+def frame_row(result: FrameResult, state: np.ndarray, visible: np.ndarray) -> dict[str, Any]:
+    """Figures of one frame that need no reference."""
+    done = result.maintenance
+    seen = np.zeros(len(state), dtype=bool)
+    seen[visible] = True
+    age = ages(state, result.frame)[visible]
+    known = age[age != UNKNOWN_AGE]
+    return {
+        "frame": result.frame,
+        "texels": len(done.texels),
+        "rays": dict(done.rays),
+        "spent": sum(done.rays.values()),
+        "visible": len(visible),
+        "on_visible": float(seen[done.texels].mean()) if len(done.texels) else 0.0,
+        "unknown": float(1 - len(known) / len(age)) if len(age) else 0.0,
+        "age": float(known.mean()) if len(known) else None,
+        "oldest": int(known.max()) if len(known) else None,
+        "seconds": sum(result.seconds.values()),
+    }
+
+
+def comparison_report(
+    scene: Scene,
+    lightmaps: Lightmaps,
+    options: Comparison,
+    renderers: Mapping[str, Renderer],
+    rows: Mapping[str, list[dict[str, Any]]],
+    plans: Mapping[str, Schedule],
+) -> dict[str, Any]:
+    summaries = {name: summary(frames, options.budget) for name, frames in rows.items()}
+    base = summaries[options.baseline]
+    for figures in summaries.values():
+        for measure in MEASURES:
+            mine, other = figures[measure], base[measure]
+            figures[f"{measure}_ratio"] = mine / other if mine is not None and other else None
+    before = None
+    policies = []
+    for name in options.policies:
+        policy = POLICIES[name]
+        policies.append(
+            {
+                "name": name,
+                "about": ABOUT.get(name, ""),
+                "before": before,
+                "changes": changed_parameters(policy, POLICIES[before] if before else None),
+                "summary": summaries[name]
+                | {"first_rays": renderers[name].priming_rays, "machine_seconds": machine_seconds(plans[name])},
+                "frames": rows[name],
+            }
+        )
+        before = name
+    return {
+        "scene": scene.name,
+        "triangles": len(scene.triangles),
+        "objects": len(scene.object_names),
+        "dynamic": scene.dynamic,
+        "texels": len(lightmaps.texels),
+        "valid": int((lightmaps.texels["state"] == VALID).sum()),
+        "baseline": options.baseline,
+        "full": options.full,
+        "options": asdict(options),
+        "command": options.command,
+        "key_frames": options.shown,
+        "few_counted": few_counted(rows[options.full]),
+        "rays_an_update": options.sampling.reserve(scene.specular),
+        "policies": policies,
+        "parameters": parameters(POLICIES[options.full]),
+        "error_scale": {"range": ERROR_RANGE, "floor": ERROR_FLOOR, "colours": error_legend()},
+        "quantities": [
+            {
+                "name": quantity.name,
+                "title": quantity.title,
+                "about": quantity.about,
+                "low": quantity.low,
+                "high": quantity.high,
+                "unit": quantity.unit,
+                "open": quantity.open,
+                "labels": list(quantity.labels),
+                "colours": legend(quantity),
+            }
+            for quantity in QUANTITIES
+        ],
+    }
+
+
+def machine_seconds(plan: Schedule) -> float:
+    """Mean time from one frame to the next on the machine; of a single frame, its whole time."""
+    cycles = plan.intervals() or (plan.duration,)
+    return plan.machine.seconds(sum(cycles)) / len(cycles)
+
+
+def few_counted(rows: Sequence[Mapping[str, Any]]) -> str | None:
+    """One sentence on the compared frames, among `rows`, less than half of whose pixels count; None: no such frame."""
+    few = {row["frame"]: 100 * row["counted"] for row in rows if row.get("counted", 1) < LEAST_COUNTED}
+    if not few:
+        return None
+    frames = ("frames " if len(few) > 1 else "frame ") + ", ".join(str(frame) for frame in few)
+    shares = " to ".join(dict.fromkeys(f"{share:.2g}" for share in (min(few.values()), max(few.values()))))
+    return (
+        f"{frames}: errors are those of {shares} % of the pixels; the others show an emitter, "
+        "whose light is in no lightmap and is most of theirs, and do not count"
+    )
+
+
+def summary(frames: Sequence[Mapping[str, Any]], budget: int) -> dict[str, Any]:
+    """Figures of a policy over all its frames: means over the frames that have them, and the extremes."""
+
+    def mean(name: str) -> float | None:
+        found = [frame[name] for frame in frames if frame.get(name) is not None]
+        return float(np.mean(found)) if found else None
+
+    def most(name: str) -> Any:
+        return max((frame[name] for frame in frames if frame.get(name) is not None), default=None)
+
+    rays = sum((Counter(frame["rays"]) for frame in frames), Counter())
+    largest = most("spent")
+    return {
+        **{name: mean(name) for name in MEASURES},
+        "worst_error": most("error"),
+        "texels": mean("texels"),
+        "on_visible": mean("on_visible"),
+        "unknown": mean("unknown"),
+        "age": mean("age"),
+        "oldest": most("oldest"),
+        "deciding": sum(rays[kind] for kind in DECIDING) / len(frames),
+        "rays": {kind: rays[kind] / len(frames) for kind in frames[0]["rays"]},
+        "largest_spent": largest,
+        "within_budget": largest <= budget,
+        "seconds": sum(frame["seconds"] for frame in frames),
+    }

@@ -1,0 +1,1 @@
+"""What commands share: the console, inputs, kept steps, provenance, pictures."""

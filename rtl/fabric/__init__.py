@@ -1,0 +1,1 @@
+"""What units are built from: pipelines, graphs of operations, queues, layouts."""

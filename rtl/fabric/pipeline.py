@@ -1,0 +1,186 @@
+"""What every fixed-latency unit is made of: a core that computes, and a stream wrapper around it.
+
+A `Core` is a datapath whose registers all advance together when `en` is high. Cores are built from steps
+(`StepCore`) or from other cores (`rtl.fabric.dataflow`). `StreamUnit` gives a core a valid/ready stream on both sides
+and carries a tag with each operation.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from amaranth import Const, Module, Signal, Value
+from amaranth.lib import stream, wiring
+from amaranth.lib.wiring import In, Out
+
+from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.rtl.fabric.float_format import FLOAT32, FloatFormat
+from lightloom.rtl.fabric.layouts import layout_of, packet_of
+
+Step = Callable[..., Mapping[str, Any]]
+
+
+class Core(wiring.Component):
+    """A pipelined datapath of fixed latency that accepts one operation a cycle, or one every other cycle.
+
+    Ports: `en` (all registers advance), `i` (operands), `o` (results, `latency` enabled cycles later). Data has no
+    reset: validity is kept by whoever uses the core. With an `initiation_interval` of 2 also `phase`, which changes
+    with every enabled cycle: operands are taken while it is high. Floating-point fields have the width of `format`.
+    """
+
+    initiation_interval = 1
+
+    def __init__(self, unit: str, latency: int, format: FloatFormat = FLOAT32):
+        self.unit = UNITS[unit]
+        self.latency = latency
+        self.format = format
+        i, o = (layout_of(dtype, format.width) for dtype in (self.unit.input, self.unit.output))
+        ports = {"en": In(1), "i": In(i), "o": Out(o)}
+        super().__init__(ports | ({"phase": In(1)} if self.initiation_interval == 2 else {}))
+
+
+class StepCore(Core):
+    """A core whose function is a chain of combinational steps with `depth` register stages spread among them.
+
+    Subclasses set `unit_name` and return the chain from `steps()`, each step with its delay in levels of gates, as
+    measured for float32. A step is called with the module, the number format and the values that the step before
+    returned, by name, and returns the values that the next one needs; the first gets the input's fields, the last
+    returns the output's. A register stage may stand after any step; they stand where the longest delay between two of
+    them is least.
+    """
+
+    unit_name: str
+
+    def __init__(self, depth: int, format: FloatFormat = FLOAT32):
+        count = len(self.steps(format))
+        if not 0 <= depth <= count:
+            raise ValueError(f"{self.unit_name}: depth must be 0 to {count}, not {depth}")
+        super().__init__(self.unit_name, depth, format)
+
+    @classmethod
+    def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
+        raise NotImplementedError
+
+    def chain(self) -> list[tuple[Step, int]]:
+        """The steps of this core; one with more parameters than a format says which."""
+        return self.steps(self.format)
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        steps = self.chain()
+        cuts = balanced_cuts([delay for _, delay in steps], self.latency)
+        values: Mapping[str, Any] = {name: getattr(self.i, name) for name in self.unit.input.names or ()}
+        for index, (step, _) in enumerate(steps):
+            values = step(m, self.format, **values)
+            if index in cuts:
+                values = {name: register(m, self.en, value, f"s{index}_{name}") for name, value in values.items()}
+            else:
+                values = {name: named(m, value, f"s{index}_{name}") for name, value in values.items()}
+        for name in self.unit.output.names or ():
+            m.d.comb += getattr(self.o, name).eq(values[name])
+        return m
+
+
+def balanced_cuts(delays: Sequence[int], depth: int) -> set[int]:
+    """The steps after which a register stage stands: `depth` of them, the last step's among them.
+
+    The longest delay between two of them is least, counting what precedes the first.
+    """
+    limit = max(delays)
+    while len(cuts := _cuts_within(delays, limit)) > max(depth, 1):
+        limit += 1
+    spare = (index for index in range(len(delays)) if index not in cuts)  # where fewer stages do as well
+    while len(cuts) < depth:
+        cuts.add(next(spare))
+    return cuts if depth else set()
+
+
+def _cuts_within(delays: Sequence[int], limit: int) -> set[int]:
+    """As few cuts as leave no more than `limit` between two of them; each as late as it can be."""
+    cuts, delay = {len(delays) - 1}, 0
+    for index, step in enumerate(delays):
+        if delay + step > limit:
+            cuts.add(index - 1)
+            delay = 0
+        delay += step
+    return cuts
+
+
+def register(m: Module, en: Value, value: Any, name: str) -> Signal:
+    """`value` one enabled cycle later; data registers have no reset, so that flows may use plain flip-flops."""
+    value = Value.cast(value)
+    held = Signal(value.shape(), name=name, reset_less=True)
+    with m.If(en):
+        m.d.sync += held.eq(value)
+    return held
+
+
+def named(m: Module, value: Any, name: str) -> Value:
+    """`value` as a signal: an expression that is used in many places is then written, and elaborated, once."""
+    value = Value.cast(value)
+    if isinstance(value, Signal | Const):
+        return value
+    wire = Signal(value.shape(), name=name)
+    m.d.comb += wire.eq(value)
+    return wire
+
+
+class StreamUnit(wiring.Component):
+    """A core between two streams, with a tag that travels with each operation; results keep the operands' order.
+
+    The whole pipeline stops while a result waits at the output and `o.ready` is low, and moves otherwise. Latency and
+    initiation interval are the core's. `i.ready` depends combinationally on `o.ready`, never on `i.valid`.
+    """
+
+    def __init__(self, core: Core, tag_width: int):
+        self.core = core
+        self.tag_width = tag_width
+        super().__init__(
+            {
+                "i": In(stream.Signature(packet_of(core.unit.input, tag_width, core.format.width))),
+                "o": Out(stream.Signature(packet_of(core.unit.output, tag_width, core.format.width))),
+            }
+        )
+
+    @property
+    def latency(self) -> int:
+        return self.core.latency
+
+    @property
+    def initiation_interval(self) -> int:
+        return self.core.initiation_interval
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        m.submodules.core = core = self.core
+        advance = Signal()
+        taking = Signal()
+        valid: Value = self.i.valid
+        if self.initiation_interval == 1:
+            m.d.comb += taking.eq(advance)
+        else:
+            phase = Signal(init=1)
+            valid = valid & phase
+            m.d.comb += [core.phase.eq(phase), taking.eq(advance & phase)]
+            with m.If(advance):
+                m.d.sync += phase.eq(~phase)
+        tag: Value = self.i.payload.tag
+        m.d.comb += [
+            core.en.eq(advance),
+            core.i.eq(self.i.payload.data),
+            self.o.payload.data.eq(core.o),
+        ]
+        for stage in range(self.latency):
+            held = Signal(name=f"valid{stage}")
+            with m.If(advance):
+                m.d.sync += held.eq(valid)
+            valid = held
+        # From one operation to the next a tag may stay where it is.
+        for stage in range(-(-self.latency // self.initiation_interval)):
+            tag = register(m, taking, tag, f"tag{stage}")
+        m.d.comb += [
+            self.o.valid.eq(valid),
+            self.o.payload.tag.eq(tag),
+            advance.eq(~valid | self.o.ready if self.latency else self.o.ready),
+            self.i.ready.eq(taking),
+        ]
+        return m

@@ -1,0 +1,1 @@
+"""Reads of a memory: the port, its sharing, the block cache."""

@@ -1,0 +1,182 @@
+"""Which block is in which line of a cache, and which line is given to the next (`rtl.memory.block_cache`).
+
+The state of a line is four flip-flops: `present` (its label counts), `pending` (its data is awaited), `locked`
+(requests wait for it or are being answered: it must stay) and `used` (it was hit since it came). The labels are in
+RAMs, one a way.
+"""
+
+from amaranth import Cat, Const, Module, Mux, Signal, Value
+from amaranth.lib import data
+from amaranth.lib.memory import Memory
+from amaranth.lib.wiring import Component, In, Out
+
+from lightloom.rtl.fabric.one_hot import any_of, lowest, number_of
+from lightloom.rtl.fabric.pipeline import register
+from lightloom.rtl.fabric.queues import number_width
+
+BLOCK_NUMBER_BITS = 32
+RANDOM_BITS, RANDOM_TAPS = 16, 0b1011_0100_0000_0000
+"""A Galois shift register of 16 bits and greatest period; the taps are those of x^16 + x^14 + x^13 + x^11 + 1."""
+
+
+class BlockLines(Component):
+    """Looks up a block a cycle, in two steps.
+
+    Ports: `look` takes up `block`, whose labels are read; `step` takes it on, and from the next cycle, until the next
+    `step`, the outputs describe that block by the state of the lines in each cycle. `found`: it is in line `line`, or,
+    if `awaited`, on the way there as miss `miss`. Otherwise `available` says whether a line may be given to it,
+    `victim` which one, `evicts` that another block is there.
+
+    What happens to the block that the outputs describe: `touch` marks its line as used, `allocate` gives it the line
+    `victim` as miss `allocate_miss`; then `step` is high, too. What happens to any line: `filled` (with `filled_error`:
+    its block is not there after all), `release` (nobody waits for it any more). `invalidate` forgets all blocks.
+    """
+
+    def __init__(self, *, sets: int, ways: int, misses: int):
+        self.sets, self.ways, self.misses = sets, ways, misses
+        self.line_width = number_width(sets * ways)
+        line, miss = self.line_width, number_width(misses)
+        super().__init__(
+            {
+                "look": In(1),
+                "step": In(1),
+                "block": In(BLOCK_NUMBER_BITS),
+                "found": Out(1),
+                "line": Out(line),
+                "awaited": Out(1),
+                "miss": Out(miss),
+                "available": Out(1),
+                "victim": Out(line),
+                "evicts": Out(1),
+                "touch": In(1),
+                "allocate": In(1),
+                "allocate_miss": In(miss),
+                "filled": In(1),
+                "filled_line": In(line),
+                "filled_error": In(1),
+                "release": In(1),
+                "release_line": In(line),
+                "invalidate": In(1),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        ways = range(self.ways)
+        set_bits = (self.sets - 1).bit_length()
+        read_name = register(m, self.look, self.block[set_bits:], "read_name")
+        read_row = register(m, self.look, set_of(self.block, set_bits), "read_row")
+        name, row = register(m, self.step, read_name, "name"), register(m, self.step, read_row, "row")
+        at = register(m, self.step, (Const(1) << read_row)[: self.sets], "at")  # the row as a mask
+
+        # --- labels: the block's number above the set's bits, which it follows from, and the miss that it is or was ---
+        label = data.StructLayout({"name": len(name), "miss": len(self.miss)})
+        chosen = Signal(self.ways)  # the way of the victim
+        # A label that is written while the next block's labels are there replaces the one that was read.
+        same_row = Signal()
+        same_name = Signal()
+        m.d.comb += [same_row.eq(read_row == row), same_name.eq(read_name == name)]
+        same = Signal(self.ways)
+        awaited_misses = []
+        for way in ways:
+            m.submodules[f"labels{way}"] = memory = Memory(shape=label, depth=self.sets, init=[])
+            writes = memory.write_port()
+            reads = memory.read_port(transparent_for=[writes])
+            m.d.comb += [
+                writes.en.eq(self.allocate & chosen[way]),
+                writes.addr.eq(row),
+                writes.data.name.eq(name),
+                writes.data.miss.eq(self.allocate_miss),
+                reads.en.eq(self.look),
+                reads.addr.eq(set_of(self.block, set_bits)),
+            ]
+            replaced = Signal(name=f"replaced{way}")
+            m.d.comb += replaced.eq(writes.en & same_row)
+            with m.If(self.step):
+                m.d.sync += same[way].eq(Mux(replaced, same_name, reads.data.name == read_name))
+            miss = Mux(replaced, self.allocate_miss, reads.data.miss)
+            awaited_misses.append(register(m, self.step, miss, f"miss{way}"))
+
+        # --- states: a vector over the sets for each way --------------------------------------------------------------
+        present, pending, locked, used = (
+            [Signal(self.sets, name=f"{state}{way}") for way in ways]
+            for state in ("present", "pending", "locked", "used")
+        )
+
+        def here(kind: str, vectors: list[Signal]) -> Signal:
+            """The bits of the set that is looked up, one a way."""
+            bits = Signal(self.ways, name=kind)
+            m.d.comb += bits.eq(Cat((vector & at).any() for vector in vectors))
+            return bits
+
+        match = Signal(self.ways)
+        is_present, is_locked, is_used = here("is_present", present), here("is_locked", locked), here("is_used", used)
+        m.d.comb += [
+            match.eq(is_present & same),
+            self.found.eq(match.any()),
+            self.awaited.eq((match & here("is_pending", pending)).any()),
+            self.line.eq(Cat(row, number_of(match))),
+            self.miss.eq(any_of(Mux(match[way], awaited_misses[way], 0) for way in ways)),
+        ]
+
+        # --- the victim: of the lines that may go and were not used, the first from a random one on -------------------
+        random = Signal(RANDOM_BITS, init=1)
+        m.d.sync += random.eq((random >> 1) ^ Mux(random[0], RANDOM_TAPS, 0))
+        start = Signal(range(max(self.ways, 2)))
+        m.d.comb += start.eq((random[:8] * self.ways) >> 8)
+        from_start = Signal(self.ways)
+        m.d.sync += from_start.eq(Const((1 << self.ways) - 1, self.ways) << start)
+        unused = Signal(self.ways)
+        candidates = Signal(self.ways)
+        later = Signal(self.ways)
+        all_used = Signal()
+        m.d.comb += [
+            self.available.eq(~is_locked.all()),
+            unused.eq(~is_locked & ~is_used),
+            all_used.eq(~unused.any()),
+            candidates.eq(Mux(all_used, ~is_locked, unused)),
+            later.eq(candidates & from_start),
+            chosen.eq(Mux(later.any(), lowest(m, "later", later), lowest(m, "any", candidates))),
+            self.victim.eq(Cat(row, number_of(chosen))),
+            self.evicts.eq((chosen & is_present).any()),
+        ]
+
+        # --- changes --------------------------------------------------------------------------------------------------
+        def vectors_of(line: Value, valid: Value, name: str) -> list[Value]:
+            """The bit of a line, in a vector over the sets for each way."""
+            its_row = Signal(self.sets, name=name)
+            m.d.comb += its_row.eq(Const(1, self.sets) << line[:set_bits])
+            return [Mux(valid & (line[set_bits:] == way), its_row, 0) for way in ways]
+
+        filled = vectors_of(self.filled_line, self.filled, "filled_row")
+        released = vectors_of(self.release_line, self.release, "release_row")
+        keeps = Signal(self.sets)
+        m.d.comb += keeps.eq(Mux(self.invalidate, 0, ~Const(0, self.sets)))
+        for way in ways:
+            gone = Mux(self.filled_error, filled[way], 0)
+            given, touched, forgotten = (
+                Signal(self.sets, name=f"{event}{way}") for event in ("given", "touched", "forgotten")
+            )
+            m.d.comb += [
+                given.eq(Mux(self.allocate & chosen[way], at, 0)),
+                touched.eq(Mux(self.touch & match[way], at, 0)),
+                forgotten.eq(Mux(self.allocate & (all_used | chosen[way]), at, 0)),
+            ]
+            m.d.sync += [
+                present[way].eq((present[way] & ~gone | given) & keeps),
+                pending[way].eq(pending[way] & ~filled[way] | given),
+                locked[way].eq(locked[way] & ~released[way] | given),
+                used[way].eq((used[way] & ~forgotten | touched) & keeps),
+            ]
+        return m
+
+
+def set_of(block: Value, bits: int) -> Value:
+    """The set of a block: the exclusive or of all its number's pieces of `bits` bits.
+
+    With the bits above the lowest piece the set gives that piece back, so a label needs only those.
+    """
+    result = block[:bits]
+    for first in range(bits, len(block), bits):
+        result = result ^ block[first : first + bits]
+    return result

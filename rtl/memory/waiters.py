@@ -1,0 +1,135 @@
+"""Requests that wait for the same block: a list for each miss, without searching (`rtl.memory.block_cache`)."""
+
+from amaranth import Module, Mux, Signal
+from amaranth.lib import data, stream
+from amaranth.lib.memory import Memory
+from amaranth.lib.wiring import Component, In, Out
+
+from lightloom.rtl.fabric.pipeline import register
+from lightloom.rtl.fabric.queues import FreeList, PassingQueue, number_width
+
+
+class Waiters(Component):
+    """Collects requests by the miss that they wait for, and gives those of a miss one a cycle when its block has come.
+
+    A list is linked from its newest request to its oldest, in a RAM of `requests` entries; of each miss only the newest
+    is known. Ports:
+
+    - `ready`: there is a free entry. `add` puts a request with `tag` on the list of miss `miss`, whose only one it is
+      if `first`.
+    - `filled`: the block of miss `filled_miss` is in line `filled_line`, or `filled_error`. A request may be added to
+      its list in the same cycle at the latest.
+    - `ended`: the read of miss `filled_miss` is over; as a rule with `filled`. Where `filled` comes without it, there
+      is no further event until `passed`, so that no more than one of each miss is on its way.
+    - `free`, `free_miss`: the miss's number may be used again, which is after both.
+    - `o`: {line, error, tag, last: no more requests wait for this line}. It does not wait for anything but `o.ready`.
+    """
+
+    def __init__(self, *, misses: int, requests: int, tag_width: int, line_width: int):
+        self.misses, self.requests = misses, requests
+        self.miss_width, self.number_width = number_width(misses), number_width(requests)
+        self.tag_width, self.line_width = tag_width, line_width
+        answer = {"line": line_width, "error": 1, "tag": tag_width, "last": 1}
+        super().__init__(
+            {
+                "ready": Out(1),
+                "add": In(1),
+                "miss": In(self.miss_width),
+                "tag": In(tag_width),
+                "first": In(1),
+                "filled": In(1),
+                "ended": In(1),
+                "passed": Out(1),
+                "filled_miss": In(self.miss_width),
+                "filled_line": In(line_width),
+                "filled_error": In(1),
+                "free": Out(1),
+                "free_miss": Out(self.miss_width),
+                "o": Out(stream.Signature(data.StructLayout(answer))),
+            }
+        )
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        m.submodules.numbers = numbers = FreeList(self.requests)
+        entry = data.StructLayout({"tag": self.tag_width, "older": self.number_width, "last": 1})
+        m.submodules.entries = entries = Memory(shape=entry, depth=max(self.requests, 2), init=[])
+        m.submodules.newest = newest = Memory(shape=self.number_width, depth=max(self.misses, 2), init=[])
+
+        # Adding takes two cycles, so that the number of the miss, which comes late, has one for the look at the list.
+        added = Signal()
+        m.d.comb += [self.ready.eq(numbers.o.valid), numbers.o.ready.eq(self.add)]
+        m.d.sync += added.eq(self.add)
+        miss = register(m, self.add, self.miss, "miss_d1")
+        number = register(m, self.add, numbers.o.payload, "number_d1")
+        before = newest.read_port(domain="comb")
+        latest = newest.write_port()
+        link = entries.write_port()
+        m.d.comb += [
+            before.addr.eq(miss),
+            latest.en.eq(added),
+            latest.addr.eq(miss),
+            latest.data.eq(number),
+            link.en.eq(added),
+            link.addr.eq(number),
+            link.data.tag.eq(register(m, self.add, self.tag, "tag_d1")),
+            link.data.older.eq(before.data),
+            link.data.last.eq(register(m, self.add, self.first, "first_d1")),
+        ]
+
+        # The lists whose block has come, in that order. One may be here a cycle after `filled`, and what was added with
+        # that is then on its way to the list: it is the newest.
+        done = data.StructLayout({"miss": self.miss_width, "line": self.line_width, "error": 1, "list": 1, "ended": 1})
+        m.submodules.lists = lists = PassingQueue(done, self.misses)
+        head = newest.read_port(domain="comb")
+        begin = Signal()  # the head of the next list is known
+        taken = Signal()  # and is on its way
+        load = Signal()
+        next_list = lists.o.payload
+        m.d.comb += [
+            lists.i.valid.eq(self.filled | self.ended),
+            lists.i.payload.list.eq(self.filled),
+            lists.i.payload.ended.eq(self.ended),
+            lists.i.payload.miss.eq(self.filled_miss),
+            lists.i.payload.line.eq(self.filled_line),
+            lists.i.payload.error.eq(self.filled_error),
+            lists.o.ready.eq(~begin | taken),
+            load.eq(lists.o.valid & lists.o.ready),
+            head.addr.eq(next_list.miss),
+            self.free.eq(load & next_list.ended),
+            self.passed.eq(load & ~next_list.ended),
+            self.free_miss.eq(next_list.miss),
+        ]
+        with m.If(lists.o.ready):
+            m.d.sync += begin.eq(lists.o.valid & next_list.list)
+        head_number = Mux(added & (miss == next_list.miss), number, head.data)
+        begin_number = register(m, load, head_number, "begin_number")
+        begin_line = register(m, load, next_list.line, "begin_line")
+        begin_error = register(m, load, next_list.error, "begin_error")
+
+        # Along a list: the RAM's output is the request that is answered, and names the one after it.
+        walk = entries.read_port()
+        ends = Signal()
+        moves = Signal()
+        following = Signal(self.number_width)
+        m.d.comb += [
+            moves.eq(~self.o.valid | self.o.ready),
+            ends.eq(~self.o.valid | walk.data.last),
+            taken.eq(begin & moves & ends),
+            following.eq(walk.data.older),
+            walk.en.eq(moves),
+            walk.addr.eq(following),
+        ]
+        with m.If(ends):
+            m.d.comb += following.eq(begin_number)
+        with m.If(moves):
+            m.d.sync += self.o.valid.eq(~ends | begin)
+        m.d.comb += [
+            self.o.payload.line.eq(register(m, taken, begin_line, "line")),
+            self.o.payload.error.eq(register(m, taken, begin_error, "error")),
+            self.o.payload.tag.eq(walk.data.tag),
+            self.o.payload.last.eq(walk.data.last),
+            numbers.i.valid.eq(self.o.valid & self.o.ready),
+            numbers.i.payload.eq(register(m, moves, following, "walked")),
+        ]
+        return m

@@ -1,0 +1,74 @@
+"""Runs the traversal unit's bench, and the small unit that it is run on as a rule."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from lightloom.rtl.config import PRESETS, Config
+from lightloom.sim.emitted import emitted
+from lightloom.sim.runner import run_cocotb
+from lightloom.sim.traversal import port_widths
+
+MODULES = ",".join(
+    (
+        "lightloom.verif.benches.test_traversal",
+        "lightloom.verif.benches.test_traversal_wrong",
+        "lightloom.verif.benches.test_traversal_memory",
+    )
+)
+SEED = 2718
+TAGS = 14
+"""Bits of a tag: every ray of a test has its own."""
+SMALL = replace(
+    PRESETS["tiny"],
+    tag_width=TAGS,
+    width=4,
+    stack=6,
+    overlap=3,
+    node_sets=8,
+    node_ways=2,
+    node_misses=6,
+    triangle_sets=8,
+    triangle_ways=2,
+    triangle_misses=4,
+)
+"""Little of everything, so that stacks, caches and queues are full now and then, and Icarus can simulate it."""
+
+
+def run_traversal_bench(
+    folder: Path,
+    simulator: str,
+    config: Config = SMALL,
+    *,
+    rays: int,
+    few: int = 30,
+    patience: int = 20_000,
+    verilog: str | None = None,
+    only: str | None = None,
+    coverage: bool = False,
+) -> int:
+    """Runs the bench, or its tests whose names match `only`; returns how many passed.
+
+    `rays` go through the unit with all sides stalled; the other tests trace `few` at a time. A unit from which nothing
+    comes in `patience` cycles hangs: a ray that meets every box may take thousands. `folder` and `coverage` are
+    those of `sim.runner.run_cocotb`. Raises BenchError where a test fails.
+    """
+    text = emitted("traversal", config) if verilog is None else verilog
+    description: dict[str, Any] = {"seed": SEED, "rays": rays, "few": few, "patience": patience}
+    description |= {name: getattr(config, name) for name in ("width", "stack", "overlap", "contexts", "units")}
+    description["lines"] = {
+        "node": config.node_sets * config.node_ways,
+        "triangle": config.triangle_sets * config.triangle_ways,
+    }
+    return run_cocotb(
+        "traversal",
+        {"traversal.v": text},
+        simulator,
+        module=MODULES,
+        public_ports=list(port_widths(text, "traversal")),
+        extra_env={"LIGHTLOOM_BENCH": json.dumps(description), **({"COCOTB_TEST_FILTER": only} if only else {})},
+        seed=SEED,
+        folder=folder,
+        coverage=coverage,
+    )

@@ -1,0 +1,227 @@
+"""Blend and accumulation, against exact rational arithmetic and against the definition."""
+
+import re
+from dataclasses import asdict, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lightloom.golden_model.contract.formats import BLEND, TEXEL_STATE
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.maintenance.sampling.accumulate import accumulate, fraction_bits, irradiance
+from lightloom.golden_model.maintenance.sampling.running_average import Blending, blend, blend_texels, drop, mark_heavy
+from lightloom.golden_model.numerics.floats import float_to_fixed
+from lightloom.golden_model.scene.files.cornell_box import cornell_box
+from tests import ROOT
+
+
+def rounded(value: Fraction) -> np.float32:
+    """A rational to the nearest float32, ties to even; for values in the normal range."""
+    if value == 0:
+        return np.float32(0)
+    exponent = 0
+    while abs(value) / Fraction(2) ** exponent >= 2**24:
+        exponent += 1
+    while abs(value) / Fraction(2) ** exponent < 2**23:
+        exponent -= 1
+    return np.float32(np.ldexp(float(round(value / Fraction(2) ** exponent)), exponent))
+
+
+def test_blend_rounds_each_operation_once() -> None:
+    seed = 5
+    rng = np.random.default_rng(seed)
+    operands = np.zeros(1500, dtype=BLEND)
+    operands["irradiance"] = rng.uniform(0, 50, (1500, 3))
+    operands["sample"] = rng.uniform(0, 50, (1500, 3))
+    operands["count"] = rng.choice([0, 1, 2, 3, 5, 8, 9, 10, 11, 40, 254, 255], 1500)
+    operands["heavy"] = rng.choice([0, 0, 1, 7], 1500)
+    operands["alpha_min"] = rng.choice(np.array([0.1, 0.01, 0.5, 1.0, 0.0], dtype=np.float32), 1500)
+    operands["alpha_heavy"] = rng.choice(np.array([0.05, 0.5, 1.0], dtype=np.float32), 1500)
+    result = blend(operands)
+    for operand, out in zip(operands, result, strict=True):
+        n = int(operand["count"])
+        assert out["count"] == min(n + 1, 255)
+        assert out["heavy"] == max(int(operand["heavy"]) - 1, 0)
+        alpha = max(rounded(Fraction(1, n + 1)), operand["alpha_min"])
+        if operand["heavy"]:
+            alpha = max(alpha, operand["alpha_heavy"])
+        for old, sample, new in zip(operand["irradiance"], operand["sample"], out["irradiance"], strict=True):
+            expected = sample
+            if n:
+                difference = rounded(Fraction(float(sample)) - Fraction(float(old)))
+                step = rounded(Fraction(float(alpha)) * Fraction(float(difference)))
+                expected = rounded(Fraction(float(old)) + Fraction(float(step)))
+            assert new == expected, f"seed {seed}: {operand}"
+
+
+def test_weight_is_the_mean_first_and_then_the_floor() -> None:
+    """The mean of the first ten samples; afterwards a tenth of each new one ([0076])."""
+    state = np.zeros(1, dtype=TEXEL_STATE)
+    texel = np.zeros(1, dtype=np.int64)
+    samples = np.random.default_rng(0).uniform(0, 9, (10, 1, 3)).astype(np.float32)
+    for k, sample in enumerate(samples):
+        blend_texels(state, texel, sample, Blending(), k)
+    assert state["irradiance"][0] == pytest.approx(samples.mean(axis=0)[0], rel=1e-6)
+    before = state["irradiance"].copy()
+    blend_texels(state, texel, before + np.float32(1), Blending(), 70000)
+    assert state["irradiance"] == pytest.approx(before + 0.1, rel=1e-6)
+    assert state["count"][0] == 11
+    assert state["frame"][0] == 70000 % 65536
+
+
+def test_a_step_is_followed_within_22_updates_and_within_6_when_heavy() -> None:
+    """Noise-free samples step from 1 to 3: what is left of the step is 0.9 a sample, or 0.5 while heavy, exactly."""
+    for heavy, within in ((0, 22), (4, 6)):
+        state, texel = np.zeros(1, dtype=TEXEL_STATE), np.zeros(1, dtype=np.int64)
+        for _ in range(40):
+            blend_texels(state, texel, np.ones((1, 3), dtype=np.float32), Blending(), 0)
+        if heavy:
+            mark_heavy(state, texel, heavy)
+        left = 1.0
+        for k in range(within):
+            blend_texels(state, texel, np.full((1, 3), 3, dtype=np.float32), Blending(), 0)
+            left *= 0.5 if k < heavy else 0.9
+            assert state["irradiance"][0] == pytest.approx([3 - 2 * left] * 3, rel=1e-6)
+        assert left <= 0.1
+        assert state["heavy"] == 0
+
+
+class HalfFloatAverage:
+    """The naive accumulator: the average is kept in binary16."""
+
+    def __init__(self) -> None:
+        self.value = np.zeros(3, dtype=np.float16)
+
+    def update(self, sample: np.ndarray, alpha: float) -> None:
+        self.value = (self.value + np.float32(alpha) * (sample - self.value)).astype(np.float16)
+
+
+@pytest.mark.parametrize(("alpha", "reflected", "rounds"), [(0.1, 0.0, 150), (0.1, 0.8, 650), (0.02, 0.0, 650)])
+def test_light_that_goes_off_and_on_comes_back(alpha: float, reflected: float, rounds: int) -> None:
+    """float32 comes back to what it was; binary16 stops where a step is below half a unit in its last place.
+
+    The samples are free of noise: a light, and `reflected` of what is held, as light that has been reflected is. The
+    stuck error is up to 2**-11 / alpha, and each bounce adds its own: a per cent and more in the last two cases.
+    """
+    blending, texel = Blending(alpha_min=np.float32(alpha)), np.zeros(1, dtype=np.int64)
+    state, half = np.zeros(1, dtype=TEXEL_STATE), HalfFloatAverage()
+    light = 4.1 * (1 - reflected)
+    for emitted in (light, 0.0, light):
+        for _ in range(rounds):
+            emission = np.full((1, 3), emitted, dtype=np.float32)
+            blend_texels(state, texel, emission + np.float32(reflected) * state["irradiance"], blending, 0)
+            half.update(emission[0] + np.float32(reflected) * half.value.astype(np.float32), alpha)
+        assert state["irradiance"][0] == pytest.approx([emitted / (1 - reflected)] * 3, rel=1e-5, abs=1e-4)
+    short = 1 - float(half.value[0]) / 4.1
+    assert short > (0.01 if alpha < 0.1 or reflected else 0.003), short
+
+
+def test_updates_are_numbered_modulo_4096_and_counted_up_to_255() -> None:
+    """So the runs of directions go on for ever; with the count as the number they would stop at one of them."""
+    state, texel = np.zeros(1, dtype=TEXEL_STATE), np.zeros(1, dtype=np.int64)
+    state["number"], state["count"] = 4090, 250
+    numbers, counts = [], []
+    for _ in range(10):
+        numbers.append(int(state["number"][0]))
+        counts.append(int(state["count"][0]))
+        blend_texels(state, texel, np.ones((1, 3), dtype=np.float32), Blending(), 0)
+    assert numbers == [4090, 4091, 4092, 4093, 4094, 4095, 0, 1, 2, 3]
+    assert counts == [250, 251, 252, 253, 254, 255, 255, 255, 255, 255]
+    drop(state, texel)
+    assert (state["count"], state["number"]) == (0, 4)
+    blend_texels(state, texel, np.full((1, 3), 9, dtype=np.float32), Blending(), 0)
+    assert state["irradiance"].tolist() == [[9, 9, 9]]
+    assert (state["count"], state["number"]) == (1, 5)
+
+
+def test_a_change_is_noticed_and_noise_is_not() -> None:
+    """Samples with 10 % noise: at most three in a thousand are noticed; most are when light is halved."""
+    seed, texels = 21, 2000
+    rng = np.random.default_rng(seed)
+    state, texel = np.zeros(texels, dtype=TEXEL_STATE), np.arange(texels)
+
+    def update(level: float) -> float:
+        sample = level * np.repeat(rng.normal(1, 0.1, (texels, 1)), 3, axis=1).astype(np.float32)
+        blend_texels(state, texel, sample, Blending(), 0)
+        return float(state["noticed"].mean())
+
+    early = [update(5) for _ in range(8)]
+    assert not any(early), "an average of less than notice_count samples is no measure"
+    calm = [update(5) for _ in range(60)]
+    assert np.mean(calm) < 3e-3, f"seed {seed}"
+    # The mean of |normal| is 0.8 of its deviation; the average's own noise adds a little.
+    assert state["deviation"].mean() / 256 == pytest.approx(0.1 * 0.82, rel=0.05), f"seed {seed}"
+    assert update(2.5) > 0.8, f"seed {seed}"
+    assert update(2.5) < 0.2, "noticed is of the last sample alone; the deviation has risen"
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"alpha_min": 1.5},
+        {"alpha_min": float("nan")},
+        {"alpha_heavy": -0.1},
+        {"notice_factor": 256},
+        {"notice_floor": 4096},
+        {"notice_count": 0},
+    ],
+)
+def test_settings_out_of_range_are_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=next(iter(wrong))):
+        Blending(**wrong)
+    for updates in (0, 8):
+        with pytest.raises(InputError, match="heavy"):
+            mark_heavy(np.zeros(1, dtype=TEXEL_STATE), np.zeros(1, dtype=np.int64), updates)
+
+
+def test_dropped_texels_take_the_sample_whatever_they_held() -> None:
+    operands = np.zeros(1, dtype=BLEND)
+    operands["irradiance"] = [np.nan, np.inf, -3e38]
+    operands["sample"] = [1, 2, 3e38]
+    assert blend(operands)["irradiance"].tolist() == [[1, 2, np.float32(3e38)]]
+
+
+def test_only_the_chosen_texels_change() -> None:
+    state = np.zeros(5, dtype=TEXEL_STATE)
+    blend_texels(state, np.array([3, 1]), np.ones((2, 3), dtype=np.float32), Blending(), 4)
+    assert state["count"].tolist() == [0, 1, 0, 1, 0]
+    assert state["frame"].tolist() == [0, 4, 0, 4, 0]
+
+
+def test_accumulation_is_exact_and_free_of_order() -> None:
+    seed = 11
+    rng = np.random.default_rng(seed)
+    value = (rng.uniform(0, 1, (4000, 3)) * np.exp2(rng.uniform(-30, 20, (4000, 1)))).astype(np.float32)
+    value[::97] = np.nan
+    slot = rng.integers(0, 40, 4000)
+    for fraction in (0, 12, 31):
+        total = accumulate(slot, value, 41, fraction)
+        shuffled = rng.permutation(4000)
+        assert (accumulate(slot[shuffled], value[shuffled], 41, fraction) == total).all(), f"seed {seed}"
+        fixed = float_to_fixed(value, fraction)
+        expected = [[sum(int(x) for x in fixed[slot == s, c]) for c in range(3)] for s in range(41)]
+        assert total.tolist() == expected
+        assert irradiance(total, fraction)[3, 1] == np.float32(expected[3][1] / 2**fraction)
+
+
+def test_accumulation_saturates_a_contribution_not_the_sum() -> None:
+    total = accumulate(np.zeros(3, dtype=int), np.full((3, 3), 1e9, dtype=np.float32), 1, 16)
+    assert (total == 3 * (2**31 - 1)).all()
+
+
+def test_documented_parameters_are_those_that_exist() -> None:
+    page = (ROOT / "docs" / "update.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `(\w+)` \| ([\d.]+) \| [\d.]+ to [\d.]+ \|$", page, re.MULTILINE))
+    assert {name: float(value) for name, value in rows.items()} == pytest.approx(asdict(Blending()))
+
+
+def test_headroom_follows_the_brightest_light_and_the_kind_of_rays() -> None:
+    """64 times the brightest emission fits into one contribution; without balance there is 16 times the room."""
+    for emission in (1.0, 1000.0, 1e-3):
+        scene = replace(cornell_box(), emission=cornell_box().emission * np.float32(emission))
+        brightest = float(scene.emission.max())
+        for balanced, room in ((True, 64), (False, 1024)):
+            largest = 2.0 ** (31 - fraction_bits(scene, balanced))
+            assert room * brightest <= largest <= 2 * room * brightest

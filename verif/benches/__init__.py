@@ -1,0 +1,1 @@
+"""The benches, as cocotb runs them, and what they share."""

@@ -1,0 +1,180 @@
+"""The traversal unit and trees that are right: every ray comes back once, with the golden result, whoever stalls."""
+
+from typing import Any
+
+import cocotb
+import numpy as np
+from cocotb.triggers import FallingEdge, RisingEdge
+
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.formats import BLOCK_BYTES, TRIANGLE_BLOCK
+from lightloom.golden_model.stimuli.ray_families import RAY_FAMILIES
+from lightloom.verif.benches.traversal_bench import BASES, MEMORIES, RENDERED, Bench, rays_of
+from lightloom.verif.drivers.axi_slave import Manner
+from lightloom.verif.vectors.edited_trees import edited, leaves_with
+
+SHARES = {
+    ("cornell-box", "wild", "half", "half", "most"): 0.25,
+    ("crowd", "wild", "bursts", "half", "most"): 0.05,
+    ("cornell-box", "stalled", "bursts", "bursts", "one"): 0.2,
+    ("soup", "stalled", "half", "bursts", "most"): 0.15,
+    ("soup", "wild", "bursts", "half", "one"): 0.05,
+    ("triangle", "stalled", "half", "half", "most"): 0.15,
+    ("triangle", "wild", "half", "rare", "one"): 0.05,
+    ("empty", "stalled", "bursts", "half", "most"): 0.1,
+}
+"""Scene, memory, how rays are given and taken, visits of a ray under way: what part of the rays."""
+
+
+@cocotb.test()
+@cocotb.parametrize(run=list(SHARES))
+async def all_sides_stalled(dut: Any, run: tuple[str, str, str, str, str]) -> None:
+    """Rays, results, addresses and data stall at random: every ray comes back once, with the golden result."""
+    scene, memory, give, take, overlap = run
+    bench = Bench(dut)
+    await bench.start(memory=memory, overlap=overlap)
+    tree = bench.tree(scene)
+    await bench.load(tree.blocks)
+    families = RENDERED if scene == "crowd" else tuple(RAY_FAMILIES)
+    rays = bench.traced(tree.blocks, rays_of(scene, round(bench.rays * SHARES[run]), bench.seed, families))
+    await bench.check(rays, f"{run}", give, take)
+    bench.tell(rays)
+    if memory == "wild" and scene != "triangle":
+        assert bench.memory.overtaken > 5
+        assert bench.memory.mixed > 5 or bench.memory.lanes == BLOCK_BYTES
+
+
+@cocotb.test()
+@cocotb.parametrize(memory=["near", "far"])
+async def nothing_stalled(dut: Any, memory: str) -> None:
+    """Everybody is always willing, so that the unit itself is what holds rays up."""
+    bench = Bench(dut)
+    await bench.start(memory=memory)
+    tree = bench.tree("cornell-box")
+    await bench.load(tree.blocks)
+    rays = bench.traced(tree.blocks, rays_of("cornell-box", 4 * bench.few, bench.seed, RENDERED))
+    await bench.check(rays, memory, "always", "always")
+    bench.tell(rays)
+
+
+@cocotb.test()
+@cocotb.parametrize(closed=["results", "memory", "both"])
+async def one_side_closed(dut: Any, closed: str) -> None:
+    """Nobody takes results, or the memory does not answer: the unit holds what it has, and then goes on with it."""
+    bench = Bench(dut)
+    await bench.start()
+    tree = bench.tree("soup")
+    await bench.load(tree.blocks)
+    rays = bench.traced(tree.blocks, rays_of("soup", bench.contexts + 30, bench.seed, RENDERED))
+    offered = bench.packed(rays)
+    if closed != "results":
+        bench.memory.manner = Manner(stall=1.0)
+    take = "half" if closed == "memory" else "never"
+    before = await bench.exchange(offered, "always", take, until=lambda cycle: cycle == 400)
+    sent = len(before.sent_at)
+    assert bench.contexts <= sent < len(rays), f"{sent} of {len(rays)} rays went in"
+    assert not before.received or closed == "memory"
+    bench.memory.manner = MEMORIES["brisk"]
+    after = await bench.exchange(offered[sent:], expected=len(rays) - len(before.received))
+    results = bench.answers(before.received + after.received, 0, len(rays))
+    bench.assert_same(results, rays, closed)
+    bench.note(rays.queries, results)
+
+
+@cocotb.test()
+async def all_wait_for_the_root(dut: Any) -> None:
+    """All contexts visit the root at once and enter all boxes: stacks hold up the node stage, and that its cache."""
+    bench = Bench(dut)
+    await bench.start()
+    tree = bench.tree("soup")
+    await bench.load(tree.blocks)
+    some = bench.traced(tree.blocks, rays_of("soup", 8 * bench.contexts, bench.seed))
+    rays = some.only(np.full(bench.contexts, np.argmax(some.counts["node_tests"])))
+    await bench.clear_counters()
+    bench.memory.manner = Manner(stall=1.0)
+    offered = bench.packed(rays)
+    await bench.exchange(offered, "always", "always", until=lambda cycle: cycle == 200)
+    bench.memory.manner = MEMORIES["near"]
+    after = await bench.exchange([], take="always", expected=len(rays))
+    bench.assert_same(bench.answers(after.received, 0, len(rays)), rays, "root")
+    stalled = bench.counters(["node_stalled"])["node_stalled"]
+    assert stalled > 5, f"seed {bench.seed}: the node stage was held up for {stalled} cycles"
+
+
+# --- other trees ------------------------------------------------------------------------------------------------------
+
+
+@cocotb.test()
+async def another_tree(dut: Any) -> None:
+    """Loaded at the same place and at another one: nothing of the tree before is left in the caches."""
+    bench = Bench(dut)
+    await bench.start()
+    blocks = {scene: bench.tree(scene).blocks for scene in ("soup", "other", "triangle")}
+    # The same nodes, so that the rays look for the same triangles; but these have other numbers.
+    blocks["renumbered"] = blocks["soup"]
+    for _, address in leaves_with(bench.tree("soup"), count=1):
+        numbers = bitpack.unpack(blocks["soup"][address : address + 1], TRIANGLE_BLOCK)["primitive"]
+        blocks["renumbered"] = edited(blocks["renumbered"], address, TRIANGLE_BLOCK, primitive=numbers + 100)
+    queries = rays_of("soup", bench.few, bench.seed, RENDERED)
+    places = [
+        ("soup", 0),
+        ("renumbered", 0),
+        ("other", 0),
+        ("other", 1),
+        ("triangle", 1),
+        ("soup", 1),
+        ("renumbered", 1),
+    ]
+    for scene, base in places:
+        await bench.load(blocks[scene], base=BASES[base])
+        # The last one's blocks are still in the cache.
+        queries = queries[::-1]
+        await bench.check(bench.traced(blocks[scene], queries), f"{scene} at {BASES[base]:#x}")
+
+
+@cocotb.test()
+async def another_tree_while_rays_are_under_way(dut: Any) -> None:
+    """They are finished in the tree before; of several loads asked for in that time, the last one counts."""
+    bench = Bench(dut)
+    await bench.start(memory="wild")
+    old, new = bench.tree("soup"), bench.tree("other")
+    for round_ in range(3):
+        await bench.load(old.blocks)
+        bench.put(new.blocks, BASES[1])
+        queries = rays_of("soup", bench.contexts + 2 * bench.few, bench.seed + round_, RENDERED)
+        first, offered = bench.number, bench.packed(bench.traced(old.blocks, queries))
+        end = 60 * (round_ + 1)
+        before = await bench.exchange(offered, give="always", until=lambda cycle, end=end: cycle == end)
+        sent, came = len(before.sent_at), len(before.received)
+        assert came < sent < len(queries), f"{sent} sent, {came} received: nothing is under way"
+        if round_:
+            await bench.ask_to_load(BASES[0] + BLOCK_BYTES)  # no header is there
+        await bench.ask_to_load(BASES[1])
+        after = await bench.exchange(offered[sent:], expected=len(queries) - came)
+        assert (int(dut.loaded.value), int(dut.load_error.value)) == (1, 0)
+        got = bench.answers(before.received + after.received, first, len(queries))
+        bench.assert_same(got[:sent], bench.traced(old.blocks, queries[:sent]), "the tree before")
+        bench.assert_same(got[sent:], bench.traced(new.blocks, queries[sent:]), "the new tree")
+
+
+@cocotb.test()
+async def reset_in_flight(dut: Any) -> None:
+    """A reset drops all rays and the tree; then the unit works as new."""
+    bench = Bench(dut)
+    await bench.start(memory="wild")
+    tree = bench.tree("soup")
+    for cycles in (40, 90, 250):
+        await bench.load(tree.blocks)
+        rays = bench.traced(tree.blocks, rays_of("soup", bench.contexts + 2 * bench.few, cycles, RENDERED))
+        seen = await bench.exchange(
+            bench.packed(rays), give="always", until=lambda cycle, cycles=cycles: cycle == cycles
+        )
+        assert len(seen.sent_at) > len(seen.received), "nothing is under way"
+        await bench.streams.reset()
+        await FallingEdge(dut.clk)
+        seen_now = [int(getattr(dut, name).value) for name in ("o__valid", "loaded", "load_error", "count_rays")]
+        assert seen_now == [0, 0, 0, 0]
+        await RisingEdge(dut.clk)
+        some = rays_of("soup", 10, bench.seed)
+        await bench.check(bench.traced(tree.blocks, some, bad_blocks=[0]), "no tree after a reset")
+        await bench.check_sound(tree, "after a reset")

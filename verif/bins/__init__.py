@@ -1,0 +1,1 @@
+"""What the vectors and benches are to reach."""

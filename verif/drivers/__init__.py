@@ -1,0 +1,1 @@
+"""Both ends of streams and of the memory port."""

@@ -1,0 +1,1 @@
+"""Operands and trees to try."""
