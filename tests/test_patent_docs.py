@@ -55,8 +55,8 @@ def test_every_row_has_all_columns() -> None:
 
 
 def test_modules_exist() -> None:
-    paths = {name: f"{name}.py" if "/" in name else f"golden_model/{name}.py" for name in named(2)}
-    assert [name for name, path in paths.items() if not (ROOT / path).exists()] == []
+    found = [any((ROOT / room / f"{name}.py").exists() for room in (".", "golden_model")) for name in named(2)]
+    assert [name for name, there in zip(named(2), found, strict=True) if not there] == []
 
 
 def test_switches_exist() -> None:
@@ -69,9 +69,10 @@ def test_switches_exist() -> None:
 @cache
 def fields_of(owner: str) -> set[str]:
     """Of the dataclass of that name in golden_model."""
-    for path in sorted((ROOT / "golden_model").glob("*.py")):
+    for path in sorted((ROOT / "golden_model").rglob("*.py")):
         if re.search(rf"^class {owner}\b", path.read_text(encoding="utf-8"), re.M):
-            kind = getattr(importlib.import_module(f"golden_model.{path.stem}"), owner)
+            module = ".".join(("lightloom", *path.relative_to(ROOT).with_suffix("").parts))
+            kind = getattr(importlib.import_module(module), owner)
             return {item.name for item in dataclasses.fields(kind)}
     return set()
 
@@ -106,5 +107,5 @@ def test_units_that_exist_are_counted() -> None:
 
 def test_what_the_code_cites_is_on_the_page() -> None:
     """Every paragraph that a docstring or comment of the golden model names."""
-    code = "\n".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "golden_model").glob("*.py")))
+    code = "\n".join(path.read_text(encoding="utf-8") for path in sorted((ROOT / "golden_model").rglob("*.py")))
     assert sorted(expanded(code) - expanded(PAGE)) == []

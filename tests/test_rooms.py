@@ -1,60 +1,191 @@
-"""The import rule between the rooms, and what else holds for every file."""
+"""The import rules: one name a module, rooms that look down only, no circles; and what else holds for all files.
+
+`docs/architecture.md` and CONTRIBUTING.md tell what the rooms are for.
+"""
 
 import ast
 import re
+import subprocess
+import sys
+from collections.abc import Callable, Iterable
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
+from lightloom.golden_model.contract.interfaces import ALL, OPERATORS, UNITS
+from lightloom.golden_model.models import MODELS
+from lightloom.rtl.catalogue import CATALOGUE
 from tests import ROOT
 
-# What each room may import of our own; a trailing part narrows it (`rtl` may use the model's tables, not its renderer).
-MODEL_TABLES = {"lightloom.golden_model.contract.formats", "lightloom.golden_model.contract.interfaces"}
+# What each room may import of ours, without "lightloom."; a part after a dot narrows it.
 MAY_IMPORT = {
     "golden_model": {"golden_model"},
-    "rtl": {"rtl"} | MODEL_TABLES,
+    "rtl": {"rtl", "golden_model.contract"},
     "gen": {"gen", "rtl", "golden_model"},
-    "sim": {"sim", "gen", "lightloom.rtl.config", "golden_model", "lightloom.verif.bins.coverage"},
+    "sim": {"sim", "gen", "rtl.config", "golden_model", "verif.bins.coverage"},
     "verif": {"verif", "golden_model"},
-    "lightloom": {"lightloom", "golden_model", "rtl", "gen", "sim", "verif"},
-    "tests": {"tests", "lightloom", "golden_model", "rtl", "gen", "sim", "verif"},
 }
+ROOMS = tuple(MAY_IMPORT)
+"""Folders of the checkout, and links to them in lightloom/."""
+
+FLOORS: dict[str, tuple[set[str], ...]] = {
+    "golden_model": (
+        {"renderer", "oracle"},
+        {"maintenance", "frame", "charts", "models", "stimuli"},
+        {"tracing", "rays", "pictures"},
+        {"scene", "machine"},
+        {"contract", "numerics", "host"},
+    ),
+    "rtl": (
+        {"catalogue"},
+        {"traversal"},
+        {"intersection", "memory"},
+        {"operators"},
+        {"fabric"},
+        {"config"},
+    ),
+}
+"""What lies in a room, by floors, the top first: an arrow leads from a floor to a lower one."""
 
 
-def own_imports(path: Path) -> list[str]:
-    """Dotted names of our own modules that a file imports, `from a import b` as both a and a.b where b is a module."""
-    names: list[str] = []
+@cache
+def modules() -> dict[str, Path]:
+    """Every module of ours by the name that it is imported by, without those of tests."""
+    found = {}
+    for folder in (*ROOMS, "lightloom"):
+        for path in sources(folder):
+            parts = path.relative_to(ROOT).with_suffix("").parts
+            parts = parts[:-1] if parts[-1] == "__init__" else parts
+            found[".".join(parts if folder == "lightloom" else ("lightloom", *parts))] = path
+    return found
+
+
+def sources(folder: str) -> list[Path]:
+    """The files of a folder of the checkout; rooms are not found a second time behind their links."""
+    links = {ROOT / "lightloom" / room for room in ROOMS}
+    return [path for path in sorted((ROOT / folder).rglob("*.py")) if links.isdisjoint(path.parents)]
+
+
+@cache
+def own_imports(path: Path) -> frozenset[str]:
+    """The modules of ours that a file imports, anywhere in it; of `from a import b` it is a.b where that is one."""
+    names = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            names += [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            modules = [f"{node.module}.{alias.name}" for alias in node.names]
-            found = [name for name in modules if (ROOT / name.replace(".", "/")).with_suffix(".py").exists()]
-            names += found or [node.module]
-    return [name for name in names if name.split(".")[0] in MAY_IMPORT]
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: a relative import"
+            whole = {f"{node.module}.{alias.name}" for alias in node.names}
+            names |= {name if name in modules() else str(node.module) for name in whole}
+    return frozenset(name for name in names if name in modules())
 
 
-def sources(room: str) -> list[Path]:
-    return sorted((ROOT / room).rglob("*.py"))
+def arrows(inside: str, child: Callable[[str], str | None]) -> dict[str, set[str]]:
+    """Which children of a package import which others; `child` tells the child that a module belongs to."""
+    graph: dict[str, set[str]] = {}
+    for name, path in modules().items():
+        if name.startswith(f"{inside}.") and (mine := child(name)):
+            graph.setdefault(mine, set()).update(
+                other for used in own_imports(path) if (other := child(used)) and other != mine
+            )
+    return graph
 
 
-@pytest.mark.parametrize("room", MAY_IMPORT)
+def child_of(package: str) -> Callable[[str], str | None]:
+    """To the name of a module the file or folder, of those that lie in `package`, that it is or belongs to."""
+    return lambda name: name[len(package) + 1 :].split(".")[0] if name.startswith(f"{package}.") else None
+
+
+def circle(graph: dict[str, set[str]]) -> list[str]:
+    """A circle in a graph; [] where there is none."""
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+PACKAGES = sorted({name.rpartition(".")[0] for name in modules()} - {""})
+
+
+def test_there_is_something_to_look_at() -> None:
+    assert len(modules()) > 250
+    assert {"lightloom", "lightloom.rtl.traversal", "lightloom.golden_model.scene.files.toml"} <= set(PACKAGES)
+    assert sum(len(own_imports(path)) for path in modules().values()) > 1000
+
+
+@pytest.mark.parametrize("room", ROOMS)
 def test_imports_follow_the_order_of_the_rooms(room: str) -> None:
-    assert sources(room), f"{room} has no sources"
+    allowed = tuple(f"lightloom.{name}" for name in MAY_IMPORT[room])
     wrong = [
         f"{path.relative_to(ROOT)} imports {name}"
         for path in sources(room)
         for name in own_imports(path)
-        if not any(name == allowed or name.startswith(allowed + ".") for allowed in MAY_IMPORT[room])
+        if not any(name == one or name.startswith(f"{one}.") for one in allowed)
     ]
     assert not wrong, "\n".join(wrong)
 
 
-def test_every_unit_has_its_name_in_every_room() -> None:
-    from lightloom.golden_model.contract.interfaces import ALL, OPERATORS, UNITS
-    from lightloom.golden_model.models import MODELS
-    from lightloom.rtl.catalogue import CATALOGUE
+@pytest.mark.parametrize("room", FLOORS)
+def test_no_import_climbs(room: str) -> None:
+    """Every file and folder of the room has a floor, and imports between them lead downwards."""
+    package = f"lightloom.{room}"
+    floor = {name: number for number, names in enumerate(FLOORS[room]) for name in names}
+    graph = arrows(package, child_of(package))
+    assert set(graph) == set(floor)
+    wrong = [f"{one} imports {other}" for one in graph for other in graph[one] if floor[other] <= floor[one]]
+    assert not wrong, "\n".join(wrong)
 
+
+def test_no_file_is_in_a_circle() -> None:
+    assert circle({name: set(own_imports(path)) - {name} for name, path in modules().items()}) == []
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_folder_is_in_a_circle(package: str) -> None:
+    """Of the files and folders of one folder none imports, by whatever way, what imports it."""
+    assert circle(arrows(package, child_of(package))) == []
+
+
+BARE = re.compile(rf"(?:^|[\"';]|\\n)\s*(?:from|import)\s+(?:{'|'.join(ROOMS)})\b", re.M)
+
+
+def test_no_file_imports_a_room_by_its_bare_name() -> None:
+    """It would be a second copy of the module, with constants and types of its own."""
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")]
+    files = [*modules().values(), *sources("tests"), *ROOT.glob(".ci/*.py"), *pages]
+    assert [str(path.relative_to(ROOT)) for path in files if BARE.search(path.read_text(encoding="utf-8"))] == []
+
+
+def test_no_process_holds_a_module_twice() -> None:
+    program = (
+        "import importlib, os, pkgutil, sys\n"
+        "import lightloom\n"
+        "for found in pkgutil.walk_packages(lightloom.__path__, 'lightloom.'):\n"
+        "    importlib.import_module(found.name)\n"
+        f"bare = [name for name in sys.modules if name.split('.')[0] in {ROOMS!r}]\n"
+        "files = [os.path.realpath(m.__file__) for n, m in sys.modules.items() if n.split('.')[0] == 'lightloom']\n"
+        "assert not bare, bare\n"
+        "assert len(files) == len(set(files)), 'a file was imported twice'\n"
+        "print(len(files))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) == len(modules())
+
+
+def test_the_rooms_are_linked_into_the_package() -> None:
+    for room in ROOMS:
+        assert (ROOT / "lightloom" / room).readlink() == Path("..") / room
+
+
+def found(room: str, name: str) -> Iterable[Path]:
+    return (ROOT / room).rglob(f"{name}.py")
+
+
+def test_every_unit_has_its_name_in_every_room() -> None:
     assert set(CATALOGUE) == set(ALL)
     assert set(MODELS) == set(UNITS)
     for unit in UNITS:
@@ -62,9 +193,9 @@ def test_every_unit_has_its_name_in_every_room() -> None:
             assert (ROOT / "rtl" / "operators" / f"{unit}.py").exists()
         else:
             function = MODELS[unit].__name__  # units of one function share their files
-            assert (ROOT / "rtl" / f"{function}.py").exists()
-            assert (ROOT / "golden_model" / f"{function}.py").exists()
-            assert (ROOT / "verif" / f"test_{unit}.py").exists()
+            assert list(found("rtl", function))
+            assert list(found("golden_model", function))
+            assert list(found("verif", f"test_{unit}"))
 
 
 def test_every_signal_has_a_line_of_its_own() -> None:
@@ -86,7 +217,7 @@ HOST_DEPENDENT = re.compile(
 
 
 def test_model_arithmetic_does_not_depend_on_the_host() -> None:
-    # Pictures for the eye are outside the contract: `images.py` says so.
+    # Pictures for the eye are outside the contract: `golden_model/pictures` says so.
     wrong = [
         f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
         for path in sources("golden_model")
