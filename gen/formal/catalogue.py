@@ -18,7 +18,7 @@ from lightloom.gen.formal import (
 )
 from lightloom.gen.formal.properties import Property
 
-ROOMS = (
+MODULES = (
     stream_units,
     queues,
     arbiter,
@@ -35,5 +35,5 @@ ROOMS = (
     box_test,
 )
 
-PROPERTIES: dict[str, Property] = {one.key: one for room in ROOMS for one in room.properties()}
+PROPERTIES: dict[str, Property] = {one.key: one for module in MODULES for one in module.properties()}
 """By `unit/property`."""

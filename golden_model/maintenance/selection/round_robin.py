@@ -3,7 +3,7 @@
 import numpy as np
 
 
-class Rotation:
+class RoundRobin:
     """A cursor on an order of V places.
 
     Hardware finds the same places in one pass over the order, given how many members lie from the cursor on.

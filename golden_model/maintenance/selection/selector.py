@@ -18,7 +18,7 @@ from lightloom.golden_model.maintenance.selection.influence.reach import loose_b
 from lightloom.golden_model.maintenance.selection.influence.volumes import volumes
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import CLASSES, SHARE, Policy
-from lightloom.golden_model.maintenance.selection.round_robin import Rotation
+from lightloom.golden_model.maintenance.selection.round_robin import RoundRobin
 from lightloom.golden_model.maintenance.selection.variability import Variability
 from lightloom.golden_model.maintenance.selection.visibility import LIKELY, SEEN, Sight, Visibility
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
@@ -125,9 +125,9 @@ class Selector:
         self._windows = windows
         self._visibility = Visibility(windows, self.order, self.policy)
         self._variability = Variability(lightmaps, windows, self.policy)
-        self._sweep, self._probe = Rotation(), Rotation()
+        self._sweep, self._probe = RoundRobin(), RoundRobin()
         self._sweep_share, self._probe_share = Share(self.policy.sweep), Share(self.policy.probe)
-        self._turns = [Rotation() for _ in range(CLASSES)]
+        self._turns = [RoundRobin() for _ in range(CLASSES)]
         self._place = np.zeros(len(lightmaps.texels), dtype=np.int64)
         self._place[self.order] = np.arange(len(self.order))
 

@@ -12,7 +12,7 @@ import numpy as np
 from lightloom.golden_model.contract.formats import RAY
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import Policy
-from lightloom.golden_model.maintenance.selection.round_robin import Rotation
+from lightloom.golden_model.maintenance.selection.round_robin import RoundRobin
 from lightloom.golden_model.numerics.floats import flush, quiet
 from lightloom.golden_model.numerics.vectors import dot, subtract
 from lightloom.golden_model.scene.pinhole import View, to_view
@@ -164,7 +164,7 @@ class Visibility:
     def __init__(self, windows: Windows, order: np.ndarray, policy: Policy):
         """`order` (V,): the texels that exist, in the order in which doubts are decided."""
         self.windows, self.order, self.policy = windows, order, policy
-        self.turn = Rotation()
+        self.turn = RoundRobin()
 
     def look(
         self,
