@@ -291,7 +291,7 @@ def test_a_request_joins_a_block_that_is_prefetched() -> None:
 
 
 @pytest.mark.parametrize("short", [{"misses": 1}, {"ways": 1, "sets": 2}, {"requests": 1}])
-def test_nothing_is_read_ahead_where_requests_would_have_to_wait_for_it(short: dict[str, int]) -> None:
+def test_nothing_is_prefetched_where_requests_would_have_to_wait_for_it(short: dict[str, Any]) -> None:
     """The only number, line or list entry belongs to a request."""
     run = Run(latency=50, prefetches={8: 3}, **short)([0])
     assert run.memory.reads == [0]
