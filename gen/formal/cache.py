@@ -192,6 +192,8 @@ def cache(
     bench.require(
         "quiet", Cat(waits).any() | component.prefetching | ~(axi.arvalid | Cat(reading).any()) | (ticks == 2)
     )
+    still = ~(Cat(waits).any() | component.prefetching | i.valid | component.prefetch.valid)
+    bench.require("stays_quiet", ~bench.past(still, "still") | ~component.prefetching)
     wanted = Cat(waits[k] & (wants[k] == axi.araddr[6 : 6 + block_bits]) for k in range(tags)).any()
     only_prefetch = Signal()  # a read, and none that a request has begun
     m.d.sync += only_prefetch.eq((only_prefetch | (asked & ~wanted)) & ~component.miss)

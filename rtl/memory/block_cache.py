@@ -259,7 +259,8 @@ class BlockCache(wiring.Component):
             parts.append(reads.data)
         with m.If(can_answer):
             m.d.sync += self.o.valid.eq(answers)
-        prefetching = Signal(range(self.misses + 1))  # reads that nobody has asked for
+        # Entries of lists that nobody has asked for: a miss's number may be free before its entries have been answered.
+        prefetching = Signal(range(self.requests + 1))
         m.d.sync += prefetching.eq(prefetching + (miss & is_prefetch) - (drains & of_prefetch))
         m.d.comb += self.prefetching.eq(prefetch.o.valid | read_valid | valid | (prefetching != 0))
         m.d.comb += [

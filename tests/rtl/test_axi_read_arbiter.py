@@ -188,6 +188,26 @@ def test_a_timeout_may_be_set_during_an_abort() -> None:
     assert others == [BEATS + 2] * 2
 
 
+def test_a_timeout_that_is_made_shorter() -> None:
+    """More time has passed than it says now: the next tick is at once."""
+    timer = ReadTimer()
+    ticks = []
+
+    async def testbench(ctx: Any) -> None:
+        ctx.set(timer.timeout, 1000)
+        await ctx.tick().repeat(500)
+        ctx.set(timer.timeout, 100)
+        for _ in range(300):
+            await ctx.tick()
+            ticks.append(ctx.get(timer.tick))
+
+    simulator = Simulator(timer)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(testbench)
+    simulator.run()
+    assert [k for k, tick in enumerate(ticks) if tick] == [0, 101, 202]
+
+
 def test_beats_that_nobody_asked_for_do_not_count() -> None:
     arbiter = AxiReadArbiter(1, **SHAPE)
 

@@ -15,7 +15,7 @@ from amaranth.sim import Simulator
 
 from lightloom.gen.verilog import convert
 from lightloom.rtl.fabric.queues import number_width
-from lightloom.rtl.memory.block_cache import CROWD, PATIENCE, BlockCache
+from lightloom.rtl.memory.block_cache import CALM, CROWD, PATIENCE, BlockCache
 from lightloom.sim import toolchain, verilated
 from lightloom.sim.runner import BenchError, run_cocotb
 from tests import ROOT
@@ -305,6 +305,60 @@ def test_a_prefetch_that_fails_is_no_answer() -> None:
     run([], [5], between=lambda ctx, phase: run.memory.bad.clear())
     assert run.memory.reads == [5 * 64, 5 * 64]
     assert run.answers[0][1:] == (0, block_data(5 * 64))
+
+
+@pytest.mark.parametrize("waiting", range(CALM + 2))
+def test_prefetches_start_while_few_reads_wait(waiting: int) -> None:
+    """For a port that takes none: beside CALM - 1 reads one starts, beside CALM none."""
+    cache = BlockCache(sets=16, ways=2, misses=16, requests=16, tag_width=4)
+    started: list[int] = []
+
+    async def testbench(ctx: Any) -> None:
+        for number in range(waiting):
+            ctx.set(cache.i.valid, 1)
+            ctx.set(cache.i.payload, {"block": number, "tag": number})
+            await ctx.tick().until(cache.i.ready)
+        ctx.set(cache.i.valid, 0)
+        await ctx.tick().repeat(8)
+        ctx.set(cache.prefetch.valid, 1)
+        ctx.set(cache.prefetch.block, 100)
+        for _ in range(8):
+            await ctx.tick()
+            ctx.set(cache.prefetch.valid, 0)
+            started.append(ctx.get(cache.prefetched))
+
+    simulator = Simulator(cache)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(testbench)
+    simulator.run()
+    assert sum(started) == (waiting < CALM)
+
+
+@pytest.mark.parametrize("misses", [1, 2, 3])
+def test_prefetches_whose_answers_wait_are_counted(misses: int) -> None:
+    """Their blocks have come and their numbers are used again, but answers are not taken, so lists are not over."""
+    cache = BlockCache(sets=4, ways=4, misses=misses, requests=32, tag_width=12)
+    memory = AxiSlave(cache.m_axi, latency=4, seed=SEED)
+    prefetches = {60 + 25 * k: block for k, block in enumerate((2, 3, 5, 6, 7, 8, 9))}
+
+    async def testbench(ctx: Any) -> None:
+        for cycle in range(400):
+            ctx.set(cache.o.ready, cycle < 40)
+            ctx.set(cache.i.valid, cycle in (0, 40))
+            ctx.set(cache.i.payload, {"block": 1, "tag": cycle})
+            ctx.set(cache.prefetch.valid, cycle in prefetches)
+            ctx.set(cache.prefetch.block, prefetches.get(cycle, 0))
+            memory.drive(ctx)
+            memory.sample(ctx)
+            asked = cycle < min(prefetches)  # what is under way then was not prefetched
+            assert asked or ctx.get(cache.prefetching) or not memory.under_way, f"cycle {cycle}"
+            await ctx.tick()
+
+    simulator = Simulator(cache)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(testbench)
+    simulator.run()
+    assert len(memory.reads) > misses + 1
 
 
 def test_crowded() -> None:
