@@ -98,7 +98,8 @@ async def all_wait_for_the_root(dut: Any) -> None:
     after = await bench.exchange([], take="always", expected=len(rays))
     bench.assert_same(bench.answers(after.received, 0, len(rays)), rays, "root")
     stalled = bench.counters(["node_stalled"])["node_stalled"]
-    assert stalled > 5, f"seed {bench.seed}: the node stage was held up for {stalled} cycles"
+    # Longer than the registers on both sides of the node stage hide it.
+    assert stalled > 3, f"seed {bench.seed}: the node stage was held up for {stalled} cycles"
 
 
 # --- other trees ------------------------------------------------------------------------------------------------------
