@@ -3,23 +3,19 @@
 import hashlib
 from dataclasses import asdict
 from importlib.metadata import version
-from pathlib import Path
 
 from lightloom.gen import verilog
 from lightloom.gen.manifest import PACKAGES
-from lightloom.golden_model import contract
+from lightloom.golden_model.host.fingerprint import fingerprint
 from lightloom.golden_model.host.outputs import whole_file
-from lightloom.rtl import config as hardware
 from lightloom.rtl.config import Config
 from lightloom.sim import toolchain
 
 
 def emitted(unit: str, config: Config) -> str:
     """`gen.verilog.verilog_of`, from the cache where it holds the text (`sim.toolchain.cache_folder`)."""
-    folders = (Path(str(module.__file__)).parent for module in (hardware, contract))
-    sources = [*(path for folder in folders for path in sorted(folder.rglob("*.py"))), Path(verilog.__file__)]
     recipe = [unit, repr(sorted(asdict(config).items())), *(version(name) for name in PACKAGES)]
-    recipe += [source.read_text(encoding="utf-8") for source in sources]
+    recipe += [fingerprint(verilog.__name__)]
     key = hashlib.sha256("\0".join(recipe).encode()).hexdigest()[:16]
     kept = toolchain.cache_folder() / "verilog" / f"{unit}-{key}.v"
     with toolchain.locked(kept):

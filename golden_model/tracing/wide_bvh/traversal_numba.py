@@ -1,12 +1,9 @@
 """The compiled twin of `traversal_numpy`, ray by ray: the same visits, tests and bits. Needs numba."""
 
-import zlib
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lightloom.golden_model.contract import formats
 from lightloom.golden_model.contract.formats import (
     NODE_KIND,
     SCALE_BIAS,
@@ -16,38 +13,13 @@ from lightloom.golden_model.contract.formats import (
     TRIANGLES_KIND,
     WIDTH,
 )
-from lightloom.golden_model.numerics import floats
-from lightloom.golden_model.tracing import ray_setup, ray_triangle, recorder
-from lightloom.golden_model.tracing.bvh import traversal_numba
-from lightloom.golden_model.tracing.bvh.traversal_numba import cached, compiled, flush, intersect_triangle
-from lightloom.golden_model.tracing.wide_bvh import decode, node_test_numba, ray_time
+from lightloom.golden_model.tracing.bvh.traversal_numba import flush, intersect_triangle
+from lightloom.golden_model.tracing.compiled import cached, compiled
 from lightloom.golden_model.tracing.wide_bvh.decode import UNREADABLE, TreeBlocks
 from lightloom.golden_model.tracing.wide_bvh.node_test_numba import COMPILED_RAY, node_hits
 from lightloom.golden_model.tracing.wide_bvh.ray_time import ABOVE, SIGNIFICAND, TIME_MAX
 
-# As in `traversal_numba`: the cache on disk must notice a change of what is compiled in from other files.
-DRAWN_ON = (
-    floats,
-    formats,
-    node_test_numba,
-    *node_test_numba.SOURCES,
-    ray_setup,
-    ray_time,
-    ray_triangle,
-    recorder,
-    traversal_numba,
-    decode,
-)
-SOURCES = zlib.crc32(b"".join(Path(str(module.__file__)).read_bytes() for module in DRAWN_ON))
-LIMITS = np.dtype(
-    [
-        ("blocks", np.int64),
-        ("root", np.int64),
-        ("levels", np.int64),
-        ("stack", np.int64),
-        (f"sources_{SOURCES:08x}", np.uint32),
-    ]
-)
+LIMITS = np.dtype([("blocks", np.int64), ("root", np.int64), ("levels", np.int64), ("stack", np.int64)])
 """Of the header what traversal needs, and the entries that a stack has room for."""
 
 MOST = TIME_BITS - 1 - SIGNIFICAND
@@ -88,6 +60,7 @@ def kind_error(found: Any, wanted: int) -> Any:
 
 @cached
 def trace_rays(
+    sources: Any,  # left out by callers: `cached` says why
     rays: Any,  # int64 (M,): which rays to trace, as indices into the next five
     queries: Any,  # RAY_QUERY (N,)
     prepared: Any,  # PREPARED_RAY (N,)

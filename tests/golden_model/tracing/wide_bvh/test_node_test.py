@@ -66,7 +66,8 @@ def fields_of(tests: np.ndarray, dtype: np.dtype) -> np.ndarray:
 @pytest.mark.parametrize("family", OPERANDS)
 def test_the_compiled_twin_agrees(family: str) -> None:
     pytest.importorskip("numba")
-    from lightloom.golden_model.tracing.wide_bvh.node_test_numba import COMPILED_RAY, compiled, node_hits
+    from lightloom.golden_model.tracing.compiled import compiled
+    from lightloom.golden_model.tracing.wide_bvh.node_test_numba import COMPILED_RAY, node_hits
 
     @compiled
     def all_hits(rays: Any, times: Any, nodes: Any, counts: Any, slots: Any, entries: Any) -> None:
