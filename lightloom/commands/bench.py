@@ -7,9 +7,9 @@ from typing import Annotated, Any
 import typer
 
 from lightloom.bench.suite import BENCHMARKS, Sizes, summary
-from lightloom.commands.options import Json
 from lightloom.rtl.config import PARAMETERS, ConfigError, described
 from lightloom.shared.inputs import at_least, choose, whole_numbers
+from lightloom.shared.options import Json
 
 _DEFAULT = Sizes()
 _PRESET = "base"

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from lightloom.commands.options import Json
 from lightloom.golden_model.host.errors import InputError
+from lightloom.shared.options import Json
 
 
 def compare(

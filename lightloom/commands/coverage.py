@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from lightloom.commands.options import Json
 from lightloom.shared.inputs import choose
+from lightloom.shared.options import Json
 
 
 def coverage(

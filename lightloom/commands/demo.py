@@ -1,13 +1,13 @@
 """`lightloom demo`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from lightloom.commands.options import Json, Size
 from lightloom.demo import DemoOptions
 from lightloom.shared.inputs import at_least, image_size, seed_value
+from lightloom.shared.options import Json, Size
 
 _DEFAULT = DemoOptions()
 
@@ -52,7 +52,7 @@ def demo(
       lightloom demo --frames 8 --size 240x240 --out build/quick
     """
     from lightloom.demo import demo as run
-    from lightloom.shared.console import Progress, print_json, print_table
+    from lightloom.shared.console import Progress, print_json
 
     width, height = image_size(size, _DEFAULT.supersample)
     options = DemoOptions(
@@ -68,29 +68,36 @@ def demo(
     if json:
         print_json(report)
     else:
-        replayed, lightmap = report["replay"], report["render"]["lightmap"]
-        print_table(
-            "Lightloom demo",
-            ["", "figure"],
-            [
-                ["frames", len(report["render"]["frames"])],
-                ["texels maintained", lightmap["valid"]],
-                ["texel updates", lightmap["updates"]],
-                ["rays a frame, at most", report["render"]["budget"]],
-                *([f"{kind} rays", count] for kind, count in report["render"]["rays"].items()),
-                ["rays before the first frame", report["render"]["priming_rays"]],
-                ["ray-triangle tests", report["tests"]],
-                ["tests replayed through the Verilog", report["replayed"]],
-                ["mismatches", report["mismatches"]],
-                ["tests a second, simulated", round(replayed["vectors_per_second"])],
-                ["units emitted", len(report["units"])],
-                ["seconds", round(sum(report["seconds"].values()), 1)],
-            ],
-        )
-        for example in replayed["examples"]:
-            print(f"mismatch in test {example['number']}")
-            for side in ("operands", "golden_model", "verilog"):
-                print(f"  {side:<12} " + "  ".join(f"{name} {bits}" for name, bits in example[side].items()))
+        _print_table(report)
         print(f"Open {out / 'report.html'}")
     if report["mismatches"]:
         raise typer.Exit(1)
+
+
+def _print_table(report: dict[str, Any]) -> None:
+    """What is in report.json, in short, and tests that differ."""
+    from lightloom.shared.console import print_table
+
+    rendered, replayed = report["render"], report["replay"]
+    print_table(
+        "Lightloom demo",
+        ["", "figure"],
+        [
+            ["frames", len(rendered["frames"])],
+            ["texels maintained", rendered["lightmap"]["valid"]],
+            ["texel updates", rendered["lightmap"]["updates"]],
+            ["rays a frame, at most", rendered["budget"]],
+            *([f"{kind} rays", count] for kind, count in rendered["rays"].items()),
+            ["rays before the first frame", rendered["priming_rays"]],
+            ["ray-triangle tests", report["tests"]],
+            ["tests replayed through the Verilog", report["replayed"]],
+            ["mismatches", report["mismatches"]],
+            ["tests a second, simulated", round(replayed["vectors_per_second"])],
+            ["units emitted", len(report["units"])],
+            ["seconds", round(sum(report["seconds"].values()), 1)],
+        ],
+    )
+    for example in replayed["examples"]:
+        print(f"mismatch in test {example['number']}")
+        for side in ("operands", "golden_model", "verilog"):
+            print(f"  {side:<12} " + "  ".join(f"{name} {bits}" for name, bits in example[side].items()))

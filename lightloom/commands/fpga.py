@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from lightloom.commands.options import Json, Seed
 from lightloom.rtl.config import PRESETS
 from lightloom.shared.inputs import choose
+from lightloom.shared.options import Json, Seed
 
 COLUMNS = {
     "unit": "unit",

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from lightloom.commands.options import Json, Scene, Seed, Traversal, npz
+from lightloom.shared.options import Json, Scene, Seed, Traversal, npz
 
 POINTS = {"position": 3, "normal": 3}
 

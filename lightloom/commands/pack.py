@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from lightloom.commands.options import Json, Scene
 from lightloom.rtl.config import PARAMETERS
+from lightloom.shared.options import Json, Scene
 
 WIDTH = PARAMETERS["width"]
 

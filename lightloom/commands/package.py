@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from lightloom.commands.options import Json
 from lightloom.rtl.config import PRESET_SUMMARIES, PRESETS
 from lightloom.shared.inputs import choose
+from lightloom.shared.options import Json
 
 
 def package(

@@ -1,27 +1,46 @@
 """`lightloom policies`."""
 
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lightloom.commands.options import Json, Scene, Seed, Traversal
-from lightloom.golden_model.host.errors import InputError, warn
-from lightloom.shared.inputs import at_least, choose, image_size, seed_value, whole_numbers
+from lightloom.golden_model.host.errors import warn
+from lightloom.shared.inputs import at_least, choose, image_size, require_exposure, seed_value, whole_numbers
+from lightloom.shared.options import (
+    Directions,
+    Exposure,
+    Folder,
+    Json,
+    LightSamples,
+    Scene,
+    Seed,
+    Traversal,
+    command,
+)
+
+if TYPE_CHECKING:
+    from lightloom.golden_model.scene.scene import RenderDefaults
+    from lightloom.policies.options import Comparison
 
 FRAMES, SIZE, BUDGET = 48, (320, 214), 20_000
 """Where neither the options nor the scene say anything."""
 
 
-def policies(
-    scene: Scene,
+@dataclass(frozen=True, kw_only=True)
+class PoliciesOptions:
+    """The options, in the order of the help text."""
+
+    scene: Scene
     names: Annotated[
         str | None,
         typer.Option("--policies", metavar="A,B", help="Policies by name, each compared with the first; else all."),
-    ] = None,
+    ] = None
     frames: Annotated[
         int | None, typer.Option("--frames", metavar="N", help="Frames to render; else as the scene says, or 48.")
-    ] = None,
+    ] = None
     budget: Annotated[
         int | None,
         typer.Option(
@@ -29,39 +48,36 @@ def policies(
             metavar="RAYS",
             help="Rays that a frame may spend on the lightmaps; else as the scene says, or 20000.",
         ),
-    ] = None,
+    ] = None
     size: Annotated[
         str | None,
         typer.Option("--size", metavar="WxH", help="Width and height of a frame in pixels; else as the scene says."),
-    ] = None,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder that everything is written to.")] = Path(
-        "build/policies"
-    ),
-    seed: Seed = 0,
-    backend: Traversal = "auto",
-    directions: Annotated[
-        int,
-        typer.Option("--directions", metavar="N", help="Rays for indirect light in a texel update (a power of two)."),
-    ] = 16,
-    light_samples: Annotated[
-        int, typer.Option("--light-samples", metavar="N", help="Shadow rays in a texel update, at most.")
-    ] = 4,
+    ] = None
+    out: Folder = Path("build/policies")
+    seed: Seed = 0
+    backend: Traversal = "auto"
+    directions: Directions = 16
+    light_samples: LightSamples = 4
     reference_rays: Annotated[
         int, typer.Option("--reference-rays", metavar="N", help="Rays a texel of the reference (a power of two).")
-    ] = 512,
+    ] = 512
     reference_every: Annotated[
         int, typer.Option("--reference-every", metavar="K", help="Compare every K-th frame.")
-    ] = 2,
+    ] = 2
     key_frames: Annotated[
         str | None,
         typer.Option("--key-frames", metavar="K,K", help="Frames to show as pictures; else four of those compared."),
-    ] = None,
-    exposure: Annotated[
-        float | None,
-        typer.Option("--exposure", metavar="X", help="Factor from radiance to display; else from the first frame."),
-    ] = None,
-    json: Json = False,
-) -> None:
+    ] = None
+    exposure: Exposure = None
+    json: Json = False
+
+    def policies(self, known: Iterable[str]) -> tuple[str, ...]:
+        """The names that are given, else all that are known."""
+        return tuple(self.names.split(",") if self.names is not None else known)
+
+
+@command
+def policies(options: PoliciesOptions) -> None:
     """Compare policies of texel selection on a scene, against converged lightmaps.
 
     The same scene is rendered under each policy with the same seed and the same rays a frame. Every K-th frame is
@@ -88,20 +104,7 @@ def policies(
       lightloom policies scenes/bunny.toml --frames 24 --budget 40000 --size 480x320
       lightloom policies room.toml --policies round-robin,influence --key-frames 11,12,20 --out build/room
     """
-    from lightloom.golden_model.maintenance.selection.policy import POLICIES
-    from lightloom.golden_model.tracing.bvh.traversal import BACKENDS
-
-    chosen = tuple(names.split(",")) if names is not None else tuple(POLICIES)
-    for name in chosen:
-        choose(name, POLICIES, "policy")
-    choose(backend, BACKENDS, "backend")
-    at_least(reference_every, 1, "--reference-every")
-    if frames is not None:
-        at_least(frames, 1, "--frames")
-    wanted = image_size(size) if size is not None else None
-    keys = whole_numbers(key_frames, "--key-frames") if key_frames is not None else ()
-    if exposure is not None and not 0 < exposure < float("inf"):
-        raise InputError(f"--exposure {exposure:g}: must be greater than 0")
+    _check(options)
 
     from lightloom.golden_model.charts.curved import default_cache
     from lightloom.golden_model.charts.unwrap import unwrap
@@ -110,39 +113,72 @@ def policies(
     from lightloom.golden_model.scene.scene import require_light
     from lightloom.golden_model.tracing.bvh.structure import Structure
     from lightloom.policies.comparison import write_comparison
-    from lightloom.policies.options import Comparison
-    from lightloom.shared.console import Progress, print_json, print_table
+    from lightloom.shared.console import Progress, print_json
 
-    loaded = load_scene(scene)
-    require_light(loaded)  # before the charts, which may take a while
-    given = loaded.render
-    width, height = wanted or given.size or SIZE
-    options = Comparison(
-        scene=scene,
-        policies=chosen,
-        frames=frames or given.frames or FRAMES,
-        width=width,
-        height=height,
-        budget=budget if budget is not None else given.budget or BUDGET,
-        directions=directions,
-        light_samples=light_samples,
-        reference_rays=reference_rays,
-        reference_every=reference_every,
-        key_frames=keys,
-        exposure=exposure,
-        seed=seed_value(seed),
-        backend=backend,
-    )
-    options.sampling.require(options.budget, loaded)
-    with Progress() as progress, whole_folder(out) as folder:
+    scene = load_scene(options.scene)
+    require_light(scene)  # before the charts, which may take a while
+    comparison = _comparison(options, scene.render)
+    comparison.sampling.require(comparison.budget, scene)
+    with Progress() as progress, whole_folder(options.out) as folder:
         with progress.stage("Charts"):
-            lightmaps = unwrap(loaded, trace=Structure(loaded, backend).trace, cache=default_cache())
-        report = write_comparison(loaded, lightmaps, options, folder, progress)
+            lightmaps = unwrap(scene, trace=Structure(scene, options.backend).trace, cache=default_cache())
+        report = write_comparison(scene, lightmaps, comparison, folder, progress)
     if report["few_counted"] is not None:
         warn(report["few_counted"])
-    if json:
+    if options.json:
         print_json(report)
-        return
+    else:
+        _print_table(report, comparison)
+        print(f"Written to {options.out / 'index.html'}")
+
+
+def _check(options: PoliciesOptions) -> None:
+    """Raises InputError for what can be seen to be wrong without the scene."""
+    from lightloom.golden_model.maintenance.selection.policy import POLICIES
+    from lightloom.golden_model.tracing.bvh.traversal import BACKENDS
+
+    for name in options.policies(POLICIES):
+        choose(name, POLICIES, "policy")
+    choose(options.backend, BACKENDS, "backend")
+    at_least(options.reference_every, 1, "--reference-every")
+    if options.frames is not None:
+        at_least(options.frames, 1, "--frames")
+    if options.size is not None:
+        image_size(options.size)
+    if options.key_frames is not None:
+        whole_numbers(options.key_frames, "--key-frames")
+    require_exposure(options.exposure)
+    seed_value(options.seed)
+
+
+def _comparison(options: PoliciesOptions, own: "RenderDefaults") -> "Comparison":
+    """What is compared: what the options say, else the scene, else the constants above."""
+    from lightloom.golden_model.maintenance.selection.policy import POLICIES
+    from lightloom.policies.options import Comparison
+
+    width, height = image_size(options.size) if options.size is not None else own.size or SIZE
+    return Comparison(
+        scene=options.scene,
+        policies=options.policies(POLICIES),
+        frames=options.frames or own.frames or FRAMES,
+        width=width,
+        height=height,
+        budget=options.budget if options.budget is not None else own.budget or BUDGET,
+        directions=options.directions,
+        light_samples=options.light_samples,
+        reference_rays=options.reference_rays,
+        reference_every=options.reference_every,
+        key_frames=whole_numbers(options.key_frames, "--key-frames") if options.key_frames is not None else (),
+        exposure=options.exposure,
+        seed=options.seed,
+        backend=options.backend,
+    )
+
+
+def _print_table(report: dict[str, Any], comparison: "Comparison") -> None:
+    """A policy a row."""
+    from lightloom.shared.console import print_table
+
     rows = []
     for policy in report["policies"]:
         found = policy["summary"]
@@ -156,12 +192,11 @@ def policies(
             ]
         )
     print_table(
-        f"{report['scene']}, {options.frames} frame{'s' if options.frames > 1 else ''} of {width}x{height}, "
-        f"{options.budget:,} rays a frame",
+        f"{report['scene']}, {comparison.frames} frame{'s' if comparison.frames > 1 else ''} of "
+        f"{comparison.width}x{comparison.height}, {comparison.budget:,} rays a frame",
         ["policy", "mean error %", "worst %", "updates on texels read %", "ratio", "mean age", "rays, at most"],
         rows,
     )
-    print(f"Written to {out / 'index.html'}")
 
 
 def _shown(value: float | None, factor: float = 1) -> float | str:

@@ -5,8 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
-from lightloom.commands.options import Json
 from lightloom.shared.inputs import at_least, choose
+from lightloom.shared.options import Json
 
 
 def prove(

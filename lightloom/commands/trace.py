@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from lightloom.commands.options import Json, Scene, npz
 from lightloom.shared.inputs import choose
+from lightloom.shared.options import Json, Scene, npz
 
 BACKENDS = ("golden", "rtl")
 HITS = ("primitive", "t", "u", "v")

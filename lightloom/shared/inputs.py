@@ -60,6 +60,12 @@ def seed_value(value: int) -> int:
     return value
 
 
+def require_exposure(value: float | None) -> None:
+    """Raises InputError for a factor from radiance to display that is not above 0; None is no factor."""
+    if value is not None and not 0 < value < float("inf"):
+        raise InputError(f"--exposure {value:g}: must be greater than 0")
+
+
 def load_npz(path: Path, names: Iterable[str] | None = None) -> dict[str, np.ndarray]:
     """The arrays of an .npz file, those of `names` that are there or all.
 
