@@ -35,10 +35,10 @@ def departures(
     """
     old, new = (float_to_fixed(luminance(values), fraction).astype(np.int64) >> _SHIFT for values in (before, sample))
     difference = new - old
-    light, total, squares = np.zeros((3, maps), dtype=np.int64)
-    for sums, values in ((light, old), (total, difference), (squares, difference * difference)):
+    averages, departed, squares = np.zeros((3, maps), dtype=np.int64)
+    for sums, values in ((averages, old), (departed, difference), (squares, difference * difference)):
         np.add.at(sums, owner, values)
-    large = np.abs(total) << 8 > light * least
+    large = np.abs(departed) << 8 > averages * least
     # Python's integers: the squares of sums need 96 bits.
-    beyond = [int(d) ** 2 > certainty * certainty * int(q) for d, q in zip(total, squares, strict=True)]
-    return np.where(large & np.array(beyond, dtype=bool), np.sign(total), 0).astype(np.int8)
+    beyond = [int(d) ** 2 > certainty * certainty * int(q) for d, q in zip(departed, squares, strict=True)]
+    return np.where(large & np.array(beyond, dtype=bool), np.sign(departed), 0).astype(np.int8)

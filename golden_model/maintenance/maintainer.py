@@ -9,7 +9,7 @@ from lightloom.golden_model.contract.formats import TEXEL_STATE
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.maintenance.drift import departures
 from lightloom.golden_model.maintenance.sampling.gather import Gathered, World, gather
-from lightloom.golden_model.maintenance.sampling.running_average import blend_texels, drop
+from lightloom.golden_model.maintenance.sampling.running_average import blend_texels, drop, mark_heavy
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.sampling.texel_rays import Update
 from lightloom.golden_model.maintenance.selection.policy import Policy
@@ -75,7 +75,7 @@ class Maintainer:
             plan.mark(self.state, self.policy.heavy_updates)
             dropped = np.flatnonzero(plan.influence >= self.policy.drop_level)
             drop(self.state, dropped)
-        adrift = (self._departures[0] == self._departures[1]) & (self._departures[1] != 0)
+        drifting = self._drifting_maps()
         samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         rays = Counter(plan.rays)
         waiting = np.concatenate([plan.texel, plan.spare])
@@ -83,8 +83,8 @@ class Maintainer:
         for _ in range(self.sampling.rounds):
             texel = waiting[updated : updated + count]
             plan.forget_old(self.state, texel)
-            light = adrift[self._owner[texel]] & (self.state["heavy"][texel] == 0)
-            self.state["heavy"][texel[light]] = 1
+            in_drift = drifting[self._owner[texel]]
+            mark_heavy(self.state, texel[in_drift & (self.state["heavy"][texel] == 0)], 1)
             known = self.state["count"][texel] > 0
             before = self.state["irradiance"][texel]
             gathered = yield from self._update(world, texel, context.frame, collector, clock)
@@ -96,19 +96,21 @@ class Maintainer:
                 break
         if self.policy.drift:
             with clock("blend"):
-                texel, before, sample = (np.concatenate(parts) for parts in zip(*samples, strict=True))
-                now = departures(
-                    self._owner[texel],
-                    before,
-                    sample,
-                    self._maps,
-                    world.fraction,
-                    self.policy.drift_least,
-                    self.policy.drift_certainty,
-                )
-                self._departures = np.stack([self._departures[1], now])
+                self._observe_departures(samples, world.fraction)
         self.selector.spend(plan, updated - len(plan.texel))
         return Maintenance(texels=waiting[:updated], dropped=dropped, rays=dict(rays), plan=plan)
+
+    def _drifting_maps(self) -> np.ndarray:
+        """Whether each map departed to the same side in the last two frames, (O,) bool."""
+        before, now = self._departures
+        return (before == now) & (now != 0)
+
+    def _observe_departures(self, samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]], fraction: int) -> None:
+        """Takes the samples of a frame: texels (M,), their averages before and their samples (M, 3), a round each."""
+        texel, before, sample = (np.concatenate(parts) for parts in zip(*samples, strict=True))
+        policy, owner = self.policy, self._owner[texel]
+        now = departures(owner, before, sample, self._maps, fraction, policy.drift_least, policy.drift_certainty)
+        self._departures = np.stack([self._departures[1], now])
 
     def _update(
         self, world: World, texel: np.ndarray, frame: int, collector: Collector, clock: Stopwatch
