@@ -1,1 +1,1 @@
-"""Errors, outputs that are written whole or not at all, stopwatches, fingerprints: nothing here decides a bit."""
+"""Errors, whole outputs, stopwatches, fingerprints, declared parameters: nothing here decides a bit."""

@@ -11,14 +11,13 @@ from collections import deque
 from dataclasses import dataclass
 
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.parameters import check, number
 from lightloom.golden_model.machine.cost_model import (
     MAINTENANCE,
     STAGES,
     FrameCounts,
     Machine,
-    check_ranges,
     load,
-    ranged,
     work,
 )
 
@@ -27,27 +26,27 @@ from lightloom.golden_model.machine.cost_model import (
 class BudgetPolicy:
     """How the budget follows the load."""
 
-    target: int = ranged(8_333_333, 1, 1 << 40)
-    """Frame time to hold, in cycles."""
-    least: int = ranged(1_000, 1, 1 << 32)
-    """Rays a frame that are traced however late it gets: maintenance never stops."""
-    most: int = ranged(10_000_000, 1, 1 << 32)
-    """Rays a frame at most."""
-    margin: int = ranged(8, 0, 128)
-    """Part of the target, in 1/256, that is kept free: what one frame takes more than the last."""
-    rise: int = ranged(64, 1, 256)
-    """Largest step upwards, in 1/256 of the budget."""
-    fall: int = ranged(128, 1, 255)
-    """Largest step downwards, in 1/256 of the budget."""
-    gain: int = ranged(192, 1, 256)
-    """Part of the distance upwards that a step covers, in 1/256; downwards it is all of it."""
-    still: int = ranged(4, 0, 64)
-    """Distances below this part of the budget, in 1/256, change nothing."""
-    window: int = ranged(3, 1, 16)
-    """Frames of which the tightest counts: a load that comes and goes does not drive the budget up and down."""
+    target: int = number(8_333_333, 1, 1 << 40, "frame time to hold, in cycles")
+    least: int = number(1_000, 1, 1 << 32, "rays a frame that are traced however late it gets: maintenance never stops")
+    most: int = number(10_000_000, 1, 1 << 32, "rays a frame at most")
+    margin: int = number(
+        8, 0, 128, "part of the target, in 1/256, that is kept free: what one frame takes more than the last"
+    )
+    rise: int = number(64, 1, 256, "largest step upwards, in 1/256 of the budget")
+    fall: int = number(128, 1, 255, "largest step downwards, in 1/256 of the budget")
+    gain: int = number(
+        192, 1, 256, "part of the distance upwards that a step covers, in 1/256; downwards it is all of it"
+    )
+    still: int = number(4, 0, 64, "distances below this part of the budget, in 1/256, change nothing")
+    window: int = number(
+        3,
+        1,
+        16,
+        "frames of which the tightest counts: a load that comes and goes does not drive the budget up and down",
+    )
 
     def __post_init__(self) -> None:
-        check_ranges(self, "budget")
+        check(self, "budget")
         if self.least > self.most:
             raise InputError(f"budget least {self.least}: must be at most {self.most}, the most")
 

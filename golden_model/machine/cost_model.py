@@ -6,11 +6,11 @@ are integers: a count times its cycles, divided by the units that share the work
 `golden_model.machine.schedule` lays the work of many frames out in time.
 """
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from types import MappingProxyType
-from typing import Any
 
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.parameters import check, number
 
 APPLICATION, STRUCTURE, RASTERIZER, SHADER, TRACER, ENGINE, OUTPUT = (
     "application",
@@ -49,96 +49,67 @@ MAINTENANCE = ("selection", "lightmap rays", "lightmap shading", "lightmap updat
 RESOURCES = tuple(dict.fromkeys(STAGES.values()))
 
 
-def ranged(default: int, low: int, high: int) -> Any:
-    """A field of a dataclass of integer options, with the range that `check_ranges` holds it to."""
-    return field(default=default, metadata={"range": (low, high)})
-
-
-def check_ranges(options: Any, name: str) -> None:
-    """InputError where a field of dataclass `options` leaves the range in its metadata."""
-    for item in fields(options):
-        low, high = item.metadata["range"]
-        value = getattr(options, item.name)
-        if not low <= value <= high:
-            raise InputError(f"{name} {item.name} {value}: must be {low} to {high}")
-
-
 @dataclass(frozen=True, kw_only=True)
 class Machine:
     """A machine: clock, units, cycles that one unit takes for one item. The defaults are a small embedded GPU."""
 
-    clock_hz: int = ranged(500_000_000, 1, 10_000_000_000)
-    """Cycles a second; only for figures in seconds."""
-    refresh_cycles: int = ranged(8_333_333, 0, 1 << 40)
-    """Cycles from one display time to the next (60 Hz); 0: a frame is shown as soon as it is done."""
-    frames_in_flight: int = ranged(2, 1, 8)
-    """Frames that are worked on at the same time ([0048])."""
-    versions: int = ranged(2, 1, 8)
-    """Length of the flip chain: what frame k's updates write is read by frame k + versions - 1."""
-    overlap_shading: int = ranged(0, 0, 1)
-    """1: shading of a tile starts when its surfaces are known; 0: when those of the whole frame are."""
+    clock_hz: int = number(500_000_000, 1, 10_000_000_000, "cycles a second; only for figures in seconds")
+    refresh_cycles: int = number(
+        8_333_333,
+        0,
+        1 << 40,
+        "cycles from one display time to the next (60 Hz); 0: a frame is shown as soon as it is done",
+    )
+    frames_in_flight: int = number(2, 1, 8, "frames that are worked on at the same time ([0048])")
+    versions: int = number(
+        2, 1, 8, "length of the flip chain: what frame k's updates write is read by frame k + versions - 1"
+    )
+    overlap_shading: int = number(
+        0, 0, 1, "1: shading of a tile starts when its surfaces are known; 0: when those of the whole frame are"
+    )
 
-    raster_share: int = ranged(192, 1, 255)
-    """Part of the ray tracer, in 1/256, that lightmap rays get beside the frame's rays while the rasterizer works."""
-    other_share: int = ranged(64, 1, 255)
-    """The same while the rasterizer rests."""
-    shader_share: int = ranged(64, 1, 255)
-    """Part of the shader cores that lightmap shading gets beside the frame's shading."""
+    raster_share: int = number(
+        192,
+        1,
+        255,
+        "part of the ray tracer, in 1/256, that lightmap rays get beside the frame's rays while the rasterizer works",
+    )
+    other_share: int = number(64, 1, 255, "the same while the rasterizer rests")
+    shader_share: int = number(
+        64, 1, 255, "part of the shader cores that lightmap shading gets beside the frame's shading"
+    )
 
-    shader_cores: int = ranged(64, 1, 65536)
-    """Fragments, pixels or rays shaded at a time."""
-    tracer_units: int = ranged(4, 1, 1024)
-    """Traversal units; each starts one node test a cycle and triangle tests beside it."""
-    raster_units: int = ranged(4, 1, 1024)
-    """Fragments tested in a cycle."""
-    builder_units: int = ranged(1, 1, 1024)
-    """Triangles that the builder works on at a time."""
-    engine_units: int = ranged(1, 1, 1024)
-    """Texels that the lightmap engine works on at a time."""
-    output_units: int = ranged(4, 1, 1024)
-    """Pixels written in a cycle."""
+    shader_cores: int = number(64, 1, 65536, "fragments, pixels or rays shaded at a time")
+    tracer_units: int = number(
+        4, 1, 1024, "traversal units; each starts one node test a cycle and triangle tests beside it"
+    )
+    raster_units: int = number(4, 1, 1024, "fragments tested in a cycle")
+    builder_units: int = number(1, 1, 1024, "triangles that the builder works on at a time")
+    engine_units: int = number(1, 1, 1024, "texels that the lightmap engine works on at a time")
+    output_units: int = number(4, 1, 1024, "pixels written in a cycle")
 
-    input_cycles: int = ranged(20_000, 0, 1 << 40)
-    """Physics and input of a frame."""
-    geometry_cycles: int = ranged(8, 0, 65535)
-    """A triangle that has moved."""
-    refit_cycles: int = ranged(4, 0, 65535)
-    """A triangle of a refitted object."""
-    build_cycles: int = ranged(64, 0, 65535)
-    """A triangle of a rebuilt object."""
-    setup_cycles: int = ranged(4, 0, 65535)
-    """A triangle set up by the rasterizer (all of its units together take one)."""
-    test_cycles: int = ranged(1, 0, 65535)
-    """A fragment tested."""
-    fragment_cycles: int = ranged(60, 0, 65535)
-    """A fragment shaded, lightmap and textures read."""
-    frame_shader_cycles: int = ranged(30, 0, 65535)
-    """A pixel for which the frame shader runs."""
-    ray_shading_cycles: int = ranged(60, 0, 65535)
-    """A ray's result shaded."""
-    blend_cycles: int = ranged(8, 0, 65535)
-    """A pixel blended."""
-    output_cycles: int = ranged(1, 0, 65535)
-    """A pixel written."""
-    node_cycles: int = ranged(1, 0, 65535)
-    """A node test."""
-    triangle_cycles: int = ranged(2, 0, 65535)
-    """A triangle test; they run beside the node tests."""
-    closest_cycles: int = ranged(13, 0, 65535)
-    """A nearest-hit ray whose tests were not counted."""
-    any_hit_cycles: int = ranged(9, 0, 65535)
-    """An any-hit ray whose tests were not counted."""
-    scan_cycles: int = ranged(1, 0, 65535)
-    """A texel that selection looks at."""
-    select_cycles: int = ranged(4, 0, 65535)
-    """A texel selected, its rays generated."""
-    update_cycles: int = ranged(8, 0, 65535)
-    """A texel blended."""
-    publish_cycles: int = ranged(1, 0, 65535)
-    """A texel of any level published."""
+    input_cycles: int = number(20_000, 0, 1 << 40, "physics and input of a frame")
+    geometry_cycles: int = number(8, 0, 65535, "a triangle that has moved")
+    refit_cycles: int = number(4, 0, 65535, "a triangle of a refitted object")
+    build_cycles: int = number(64, 0, 65535, "a triangle of a rebuilt object")
+    setup_cycles: int = number(4, 0, 65535, "a triangle set up by the rasterizer (all of its units together take one)")
+    test_cycles: int = number(1, 0, 65535, "a fragment tested")
+    fragment_cycles: int = number(60, 0, 65535, "a fragment shaded, lightmap and textures read")
+    frame_shader_cycles: int = number(30, 0, 65535, "a pixel for which the frame shader runs")
+    ray_shading_cycles: int = number(60, 0, 65535, "a ray's result shaded")
+    blend_cycles: int = number(8, 0, 65535, "a pixel blended")
+    output_cycles: int = number(1, 0, 65535, "a pixel written")
+    node_cycles: int = number(1, 0, 65535, "a node test")
+    triangle_cycles: int = number(2, 0, 65535, "a triangle test; they run beside the node tests")
+    closest_cycles: int = number(13, 0, 65535, "a nearest-hit ray whose tests were not counted")
+    any_hit_cycles: int = number(9, 0, 65535, "an any-hit ray whose tests were not counted")
+    scan_cycles: int = number(1, 0, 65535, "a texel that selection looks at")
+    select_cycles: int = number(4, 0, 65535, "a texel selected, its rays generated")
+    update_cycles: int = number(8, 0, 65535, "a texel blended")
+    publish_cycles: int = number(1, 0, 65535, "a texel of any level published")
 
     def __post_init__(self) -> None:
-        check_ranges(self, "machine")
+        check(self, "machine")
 
     def seconds(self, cycles: int) -> float:
         return cycles / self.clock_hz
@@ -148,17 +119,13 @@ class Machine:
 class RayCounts:
     """Rays of one emitter in a frame."""
 
-    closest: int = ranged(0, 0, 1 << 40)
-    """Rays that look for the nearest hit."""
-    any_hit: int = ranged(0, 0, 1 << 40)
-    """Rays that ask whether there is a hit: shadow and visibility rays."""
-    nodes: int = ranged(0, 0, 1 << 44)
-    """Node tests of all of them, 0 where they were not counted."""
-    triangles: int = ranged(0, 0, 1 << 44)
-    """Triangle tests of all of them, 0 where they were not counted."""
+    closest: int = number(0, 0, 1 << 40, "Rays that look for the nearest hit.")
+    any_hit: int = number(0, 0, 1 << 40, "Rays that ask whether there is a hit: shadow and visibility rays.")
+    nodes: int = number(0, 0, 1 << 44, "Node tests of all of them, 0 where they were not counted.")
+    triangles: int = number(0, 0, 1 << 44, "Triangle tests of all of them, 0 where they were not counted.")
 
     def __post_init__(self) -> None:
-        check_ranges(self, "rays")
+        check(self, "rays")
 
     @property
     def total(self) -> int:

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from lightloom.golden_model.host.errors import warn
-from lightloom.shared.inputs import at_least, choose, image_size, require_exposure, seed_value, whole_numbers
+from lightloom.shared.inputs import (
+    at_least,
+    choose,
+    image_size,
+    require_exposure,
+    require_samples,
+    seed_value,
+    whole_numbers,
+)
 from lightloom.shared.options import (
     Directions,
     Exposure,
@@ -148,6 +156,7 @@ def _check(options: PoliciesOptions) -> None:
     if options.key_frames is not None:
         whole_numbers(options.key_frames, "--key-frames")
     require_exposure(options.exposure)
+    require_samples(options.directions, options.light_samples)
     seed_value(options.seed)
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from lightloom.golden_model.host.errors import InputError
-from lightloom.shared.inputs import at_least, choose, require_exposure, seed_value
+from lightloom.shared.inputs import at_least, choose, require_exposure, require_samples, seed_value
 from lightloom.shared.options import (
     Directions,
     Exposure,
@@ -100,4 +100,5 @@ class RenderOptions:
         if self.hold is not None and not 0.01 <= self.hold <= 1e6:
             raise InputError(f"--hold {self.hold:g}: must be 0.01 to 1000000 frames a second")
         require_exposure(self.exposure)
+        require_samples(self.directions, self.light_samples)
         seed_value(self.seed)

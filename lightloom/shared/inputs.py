@@ -66,6 +66,16 @@ def require_exposure(value: float | None) -> None:
         raise InputError(f"--exposure {value:g}: must be greater than 0")
 
 
+def require_samples(directions: int, light_samples: int) -> None:
+    """Raises InputError for numbers of rays that no texel update can be made of."""
+    from lightloom.golden_model.host.parameters import parameters
+    from lightloom.golden_model.maintenance.sampling.settings import Sampling
+
+    known = parameters(Sampling)
+    known["directions"].check(directions, "--directions")
+    known["light_samples"].check(light_samples, "--light-samples")
+
+
 def load_npz(path: Path, names: Iterable[str] | None = None) -> dict[str, np.ndarray]:
     """The arrays of an .npz file, those of `names` that are there or all.
 

@@ -1,7 +1,7 @@
 """Policies compared: the measures, what is compared and shown, and the whole command in small."""
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.scene.lightmap import EMPTY, VALID
 from lightloom.policies.judge import counted_pixels, error, flip, straight_light, visible_texels
 from lightloom.policies.options import Comparison
-from lightloom.policies.parameters import changed_parameters, field_docs, parameters
+from lightloom.policies.parameters import changed_parameters, parameters
 from lightloom.policies.report import few_counted, summary
 from lightloom.render.policy_pictures import (
     ERROR_RANGE,
@@ -236,12 +236,13 @@ def test_baseline() -> None:
         Comparison(policies=("influence", "influence"))
 
 
-def test_parameters_have_the_meaning_that_the_class_gives_them() -> None:
-    meanings = field_docs(Policy)
-    assert all(meanings.values()), [name for name, text in meanings.items() if not text]
+def test_parameters_have_value_range_and_meaning() -> None:
     rows = {row["name"]: row for row in parameters(Policy(sweep=7))}
+    assert list(rows) == [field.name for field in fields(Policy)]
+    assert all(row["meaning"] for row in rows.values())
     assert (rows["sweep"]["value"], rows["sweep"]["range"]) == (7, (0, 256))
-    assert rows["visibility"]["range"] is None
+    assert (rows["visibility"]["range"], rows["visibility"]["choices"]) == (None, None)
+    assert rows["influence"]["choices"] == ("off", "volumes", "footprints")
 
 
 def test_changed_parameters() -> None:

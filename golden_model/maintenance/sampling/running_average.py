@@ -6,6 +6,7 @@ import numpy as np
 
 from lightloom.golden_model.contract.formats import BLEND, BLENDED, TEXEL_STATE
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.parameters import check, number
 from lightloom.golden_model.numerics.floats import canonical, float_add, float_divide, float_multiply
 from lightloom.golden_model.numerics.sample_spread import LARGEST, relative_deviation, running_deviation
 
@@ -24,24 +25,16 @@ FACTOR_BITS = 4
 class Blending:
     """How a new sample weighs against the average, and when it counts as a sign of change."""
 
-    alpha_min: np.float32 = ALPHA_MIN
-    """Smallest weight of a new sample, 0 to 1."""
-    alpha_heavy: np.float32 = ALPHA_HEAVY
-    """Smallest weight while the texel is marked `heavy`, 0 to 1."""
-    notice_factor: int = 64
-    """A sample is noticed if it departs by more than notice_factor / 16 times the usual deviation, 0 to 255 …"""
-    notice_floor: int = 13
-    """… plus notice_floor / 256 of the average, 0 to 4095 …"""
-    notice_count: int = 8
-    """… and the average is of so many samples at least, 1 to 255."""
+    alpha_min: np.float32 = number(ALPHA_MIN, 0.0, 1.0, "Smallest weight of a new sample.")
+    alpha_heavy: np.float32 = number(ALPHA_HEAVY, 0.0, 1.0, "Smallest weight while the texel is marked `heavy`.")
+    notice_factor: int = number(
+        64, 0, 255, "A sample is noticed if it departs by more than notice_factor / 16 times the usual deviation …"
+    )
+    notice_floor: int = number(13, 0, LARGEST, "… plus notice_floor / 256 of the average …")
+    notice_count: int = number(8, 1, 255, "… and the average is of so many samples at least.")
 
     def __post_init__(self) -> None:
-        for name in ("alpha_min", "alpha_heavy"):
-            if not 0 <= getattr(self, name) <= 1:
-                raise InputError(f"{name} {getattr(self, name)}: must be 0 to 1")
-        for name, low, high in (("notice_factor", 0, 255), ("notice_floor", 0, LARGEST), ("notice_count", 1, 255)):
-            if not low <= getattr(self, name) <= high:
-                raise InputError(f"{name} {getattr(self, name)}: must be {low} to {high}")
+        check(self, "blending")
 
 
 def blend(operands: np.ndarray) -> np.ndarray:

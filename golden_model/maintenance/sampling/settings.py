@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.parameters import check, choice, flag, number
 from lightloom.golden_model.maintenance.sampling.running_average import Blending
 from lightloom.golden_model.numerics.directions import COUNT
 from lightloom.golden_model.scene.scene import Scene
@@ -13,40 +14,38 @@ from lightloom.golden_model.scene.scene import Scene
 class Sampling:
     """What one texel update is made of."""
 
-    directions: int = 16
-    """Rays for indirect light, a power of two up to 4096."""
-    light_samples: int = 4
-    """Shadow rays at most, at least 1."""
-    balanced: bool = True
-    """Rays for indirect light count the area lights that they meet, shadow rays leave them their share (see
-    `golden_model.maintenance.sampling.texel_rays`): right beside a light too, for a division more a ray that meets
-    one."""
-    direct: Literal["maps", "rays"] = "maps"
-    """Whether the maps hold direct and indirect light, or indirect light alone: then texels need no shadow rays, but
-    the hits of their rays do, one each."""
-    bounces: int = 4
-    """Mirrors and panes of glass that a ray may meet on its way to a diffuse surface, 0 to 16."""
-    rounds: int = 4
-    """Times at most that a frame chooses texels, 1 to 16: first what its budget is sure to pay for, then with what was
-    reserved and not needed."""
+    directions: int = number(16, 1, COUNT, "Rays for indirect light, a power of two.")
+    light_samples: int = number(4, 1, None, "Shadow rays at most.")
+    balanced: bool = flag(
+        True,
+        "Rays for indirect light count the area lights that they meet, shadow rays leave them their share (see "
+        "`golden_model.maintenance.sampling.texel_rays`): right beside a light too, for a division more a ray that "
+        "meets one.",
+    )
+    direct: Literal["maps", "rays"] = choice(
+        "maps",
+        ("maps", "rays"),
+        "Whether the maps hold direct and indirect light, or indirect light alone: then texels need no shadow rays, "
+        "but the hits of their rays do, one each.",
+    )
+    bounces: int = number(4, 0, 16, "Mirrors and panes of glass that a ray may meet on its way to a diffuse surface.")
+    rounds: int = number(
+        4,
+        1,
+        16,
+        "Times at most that a frame chooses texels: first what its budget is sure to pay for, then with what was "
+        "reserved and not needed.",
+    )
     blending: Blending = field(default_factory=Blending)
     """How it weighs against the old value."""
-    priming: int = 32
-    """Rounds before the first frame at most, each within one frame's budget; see `Renderer`."""
+    priming: int = number(
+        32, 0, None, "Rounds before the first frame at most, each within one frame's budget; see `Renderer`."
+    )
 
     def __post_init__(self) -> None:
-        if self.directions & (self.directions - 1) or not 1 <= self.directions <= COUNT:
-            raise InputError(f"directions {self.directions}: must be a power of two, 1 to {COUNT}")
-        if self.light_samples < 1:
-            raise InputError(f"light samples {self.light_samples}: must be 1 or more")
-        if self.direct not in ("maps", "rays"):
-            raise InputError(f'direct "{self.direct}": must be "maps" or "rays"')
-        if self.priming < 0:
-            raise InputError(f"priming {self.priming}: must be 0 or more")
-        if not 0 <= self.bounces <= 16:
-            raise InputError(f"bounces {self.bounces}: must be 0 to 16")
-        if not 1 <= self.rounds <= 16:
-            raise InputError(f"rounds {self.rounds}: must be 1 to 16")
+        check(self, "sampling")
+        if self.directions & (self.directions - 1):
+            raise InputError(f"sampling directions {self.directions}: must be a power of two, 1 to {COUNT}")
 
     def reserve(self, specular: bool) -> int:
         """The most rays that an update can take, in a scene with or without mirrors and glass.

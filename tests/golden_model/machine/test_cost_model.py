@@ -7,6 +7,7 @@ from dataclasses import fields
 import pytest
 
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.parameters import parameters
 from lightloom.golden_model.machine.budget_controller import BudgetPolicy
 from lightloom.golden_model.machine.cost_model import RESOURCES, STAGES, FrameCounts, Machine, RayCounts, load, work
 from tests import ROOT
@@ -65,14 +66,18 @@ def test_what_is_out_of_range_is_named(make: Callable[[], object], said: str) ->
 
 
 @pytest.mark.parametrize("options", [Machine, BudgetPolicy])
-def test_the_page_has_every_parameter_with_its_default_and_range(options: type) -> None:
+def test_the_page_has_every_parameter_with_its_default_range_and_meaning(options: type) -> None:
     page = (ROOT / "docs" / "machine.md").read_text(encoding="utf-8")
     rows = {
-        row[0]: row[1:] for row in re.findall(r"^\| `(\w+)` \| ([^|]+) \| ([^|]+) to ([^|]+) \|", page, re.MULTILINE)
+        row[0]: row[1:]
+        for row in re.findall(r"^\| `(\w+)` \| ([^|]+) \| ([^|]+) to ([^|]+) \| ([^|]+) \|$", page, re.MULTILINE)
     }
-    for item in fields(options):
-        stated = tuple(_number(text) for text in rows[item.name])
-        assert stated == (item.default, *item.metadata["range"]), item.name
+    declared = parameters(options)
+    assert list(declared) == [item.name for item in fields(options)]
+    for each in declared.values():
+        *numbers, meaning = rows[each.name]
+        assert each.range is not None
+        assert (*map(_number, numbers), meaning) == (each.default, *each.range, each.says), each.name
 
 
 def _number(text: str) -> int:

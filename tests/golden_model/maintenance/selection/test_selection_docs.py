@@ -1,10 +1,10 @@
 """docs/selection.md says what the policy and the format say."""
 
 import re
-from dataclasses import fields
 
 from lightloom.golden_model.contract import formats
-from lightloom.golden_model.maintenance.selection.policy import INFLUENCES, POLICIES, RANGES, Policy
+from lightloom.golden_model.host.parameters import parameters
+from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
 from tests import ROOT
 from tests.golden_model.test_renderer_docs import described
 
@@ -20,17 +20,18 @@ def written(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def test_every_parameter_is_there_with_default_and_range() -> None:
-    rows = re.findall(r"^\| `(\w+)` \| ([^|]+) \| ([^|]+) \| [^|]+ \|$", PAGE.split("## Parameters")[1], re.MULTILINE)
-    expected = []
-    for field in fields(Policy):
-        value, allowed = getattr(Policy(), field.name), ", ".join(INFLUENCES)
-        if isinstance(value, bool):
-            allowed = "yes, no"
-        elif field.name in RANGES:
-            allowed = " to ".join(written(bound) for bound in RANGES[field.name])
-        expected.append((field.name, written(value), allowed))
-    assert rows == expected
+def test_every_parameter_is_there_with_default_range_and_meaning() -> None:
+    table = PAGE.split("## Parameters")[1]
+    rows = re.findall(r"^\| `(\w+)` \| ([^|]+) \| ([^|]+) \| ([^|]+) \|$", table, re.MULTILINE)
+    assert rows == [
+        (
+            each.name,
+            written(each.default),
+            " to ".join(map(written, each.range)) if each.range else each.allowed,
+            each.says,
+        )
+        for each in parameters(Policy).values()
+    ]
 
 
 def test_format_table() -> None:

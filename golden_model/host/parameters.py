@@ -1,0 +1,88 @@
+"""Parameters of the model: name, default, what it may be and what it is, declared once, as a field of a dataclass.
+
+    bounces: int = number(4, 0, 16, "Mirrors and panes of glass that a ray may meet.")
+
+`check` holds an object to what its class declares, `parameters` lists it for pages and reports.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+
+from lightloom.golden_model.host.errors import InputError
+
+
+def number(default: Any, low: float, high: float | None, says: str) -> Any:
+    """A field for a number from `low` to `high`, None: without an end, or for a tuple of them; whole if `low` is."""
+    return field(default=default, metadata={"says": says, "range": (low, high)})
+
+
+def choice(default: str, choices: Sequence[str], says: str) -> Any:
+    """A field for one of several words."""
+    return field(default=default, metadata={"says": says, "choices": tuple(choices)})
+
+
+def flag(default: bool, says: str) -> Any:
+    """A field for yes or no."""
+    return field(default=default, metadata={"says": says})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """A field of a dataclass that was made by `number`, `choice` or `flag`."""
+
+    name: str
+    default: Any
+    says: str
+    range: tuple[float, float | None] | None = None
+    """Lowest and highest value of a number."""
+    choices: tuple[str, ...] | None = None
+    """The words that it may be."""
+
+    @property
+    def allowed(self) -> str:
+        """What it may be, in words: "0 to 16", "1 or more", "off, volumes, footprints", "yes, no"."""
+        if self.range is None:
+            return ", ".join(self.choices or ("yes", "no"))
+        low, high = self.range
+        return f"{low} or more" if high is None else f"{low} to {high}"
+
+    def check(self, value: Any, called: str) -> None:
+        """Raises InputError where it may not be `value`; `called` is what the user knows it by."""
+        if self.range is not None:
+            for one in value if isinstance(value, tuple) else (value,):
+                self._check_number(one, f"{called} {value}")
+        elif self.choices is not None:
+            if value not in self.choices:
+                raise InputError(f"{called} {value}: must be one of {self.allowed}")
+        elif not isinstance(value, bool | np.bool_):
+            raise InputError(f"{called} {value}: must be True or False")
+
+    def _check_number(self, value: Any, what: str) -> None:
+        assert self.range is not None
+        low, high = self.range
+        number = isinstance(value, int | float | np.integer | np.floating) and not isinstance(value, bool)
+        if not number or not low <= value or not (high is None or value <= high):
+            raise InputError(f"{what}: must be {self.allowed}")
+        if isinstance(low, int) and not isinstance(value, int | np.integer):
+            raise InputError(f"{what}: must be whole, {self.allowed}")
+
+
+def parameters(kind: type) -> dict[str, Parameter]:
+    """The parameters of a dataclass, by name, in its order; fields without a declaration are not among them."""
+    return {
+        item.name: Parameter(name=item.name, default=item.default, **item.metadata)
+        for item in fields(kind)
+        if item.metadata
+    }
+
+
+def check(options: Any, owner: str) -> None:
+    """Raises InputError, one line, for the first field of `options` that its declaration does not allow.
+
+    `owner` says there of what it is a parameter: "policy sweep 300: must be 0 to 256".
+    """
+    for each in parameters(type(options)).values():
+        each.check(getattr(options, each.name), f"{owner} {each.name}")
