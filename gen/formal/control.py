@@ -9,7 +9,7 @@ from lightloom.gen.formal.properties import Induction, Property
 from lightloom.gen.formal.streams import held
 from lightloom.golden_model.contract.formats import TRACE_ERRORS
 from lightloom.rtl.config import Config
-from lightloom.rtl.traversal.control import POPS
+from lightloom.rtl.traversal.popped_visits import POPS
 from lightloom.rtl.traversal.records import ADDRESS_BITS, node_result, push_list
 from lightloom.rtl.traversal.stacks import LISTS
 
@@ -28,7 +28,7 @@ def life(config: Config) -> Bench:
     bench.require("context_is_free", ~ray.starts | ~ray.taken)
     asks = ray.asks_node | ray.asks_leaf
     bench.require("visits_of_its_ray", ~asks | (ray.begun & ~ray.done))
-    bench.require("nothing_chosen_after_the_end", ~ray.bit("pop") | (~ray.ended & (~ray.due | ray.bit("fresh"))))
+    bench.require("nothing_chosen_after_the_end", ~ray.bit("popped") | (~ray.ended & (~ray.due | ray.bit("fresh"))))
     bench.require("overlap", visits <= ray.limit)
     bench.require("one_at_a_time_again", ~ray.again | (visits <= 1))
     bench.require("finished_once", ~ray.finishes | (ray.begun & ~ray.done))
@@ -55,16 +55,16 @@ def stack(config: Config, ray: Followed, places: Places) -> Signal:
     """The entries on the ray's stack: each is taken once, from the top, when it is written and before it can be written
     over. This is what `gen.formal.stacks` assumes of whoever uses the stacks."""
     bench, m = ray.bench, ray.bench.m
-    put = data.View(push_list(config), bench.inner("push__payload"))
-    takes = ray.bit("pop") & ~ray.bit("fresh")
-    reads = bench.inner("asked_valid") & ray.mine(bench.inner("read__context")) & bench.past(takes, "takes")
+    put = data.View(push_list(config), bench.inner("decision/push__payload"))
+    takes = ray.bit("popped") & ~ray.bit("fresh")
+    reads = bench.inner("pops/asked_valid") & ray.mine(bench.inner("pops/read__context")) & bench.past(takes, "takes")
     entries, more, top = Signal(8), Signal(8), Signal(8)
     emptied = ray.fails.any() | ray.hits | ray.begins_again
     m.d.comb += more.eq(Mux(ray.puts, put.last - put.first + 1, 0))
     m.d.sync += [entries.eq(Mux(emptied, 0, entries - takes + more)), top.eq(entries - 1)]
     bench.require("stack_in_bounds", entries + more <= config.stack)
     bench.require("takes_what_is_there", ~takes | (entries != 0))
-    bench.require("takes_the_top", ~reads | (bench.inner("read__position") == top))
+    bench.require("takes_the_top", ~reads | (bench.inner("pops/read__position") == top))
     bench.require("takes_what_is_written", ~reads | (places.lists == 0))
     bench.require("puts_on_top", ~ray.puts | (put.height == entries - takes))
     bench.require("puts_something", ~ray.puts | (put.first <= put.last))
@@ -76,9 +76,10 @@ def decision(config: Config, ray: Followed, entries: Value) -> None:
     """What the result of a node leads to, by docs/wide_traversal.md: its nearest child is asked for, the rest put down.
     All of it if `levels` places are left then, else one entry; and where that has no place the ray begins again."""
     bench = ray.bench
-    node = data.View(node_result(config), bench.inner("results/first")[: -config.contexts])
-    put = data.View(push_list(config), bench.inner("push__payload"))
-    goes = bench.inner("results/o__valid") & bench.inner("push__ready") & ray.mine(node.context) & ~ray.ended & ~ray.due
+    node = data.View(node_result(config), bench.inner("decision/results/first")[: -config.contexts])
+    put = data.View(push_list(config), bench.inner("decision/push__payload"))
+    takes = bench.inner("decision/results/o__valid") & bench.inner("decision/push__ready")
+    goes = takes & ray.mine(node.context) & ~ray.ended & ~ray.due
     good = goes & (node.error == 0)
     rest = node.hits.count - node.rank - 1
     all_of_it = entries + rest + ray.component.levels <= config.stack
@@ -109,7 +110,8 @@ def decision(config: Config, ray: Followed, entries: Value) -> None:
 def invariant(config: Config, ray: Followed, places: Places, visits: Value, entries: Value) -> None:
     """What the registers of the control say of the ray, and what is true of those that all rays share."""
     bench = ray.bench
-    taken, active, fresh, ended, restart = (ray.bit(name) for name in ("taken", "active", "fresh", "ended", "restart"))
+    taken = ray.bit("free_contexts/taken")
+    active, fresh, ended, restart = (ray.bit(name) for name in ("active", "fresh", "ended", "restart"))
     bench.require("taken_bit", taken == ray.taken)
     bench.require("active_bit", active + ray.finishes + ray.done == ray.begun)
     bench.require("begun_if_taken", ~ray.begun | ray.taken)
@@ -135,12 +137,14 @@ def invariant(config: Config, ray: Followed, places: Places, visits: Value, entr
     bench.require("strict_is_one", ~ray.bit("strict") | (visits <= 1))
 
     # Shared: a context is kept for the next ray; visits on their way have their places; decoded masks.
-    reserved, number = bench.inner("reserved"), bench.inner("reserved_number")
-    bench.require("reserved_one", reserved == Mux(bench.inner("reserved_valid"), 1 << number, 0)[: config.contexts])
-    bench.require("reserved_free", ~ray.bit("reserved") | ~taken)
-    steps = [bench.inner(f"{name}_valid") for name in ("asked", "read", "met")]
+    reserved, number = bench.inner("free_contexts/reserved"), bench.inner("free_contexts/reserved_number")
+    bench.require(
+        "reserved_one", reserved == Mux(bench.inner("free_contexts/reserved_valid"), 1 << number, 0)[: config.contexts]
+    )
+    bench.require("reserved_free", ~ray.bit("free_contexts/reserved") | ~taken)
+    steps = [bench.inner(f"pops/{name}_valid") for name in ("asked", "read", "visit")]
     on_the_way = total([*steps, *(pops.level for pops in places.pops)])
-    bench.require("under_way", (bench.inner("under_way") == on_the_way) & (on_the_way <= POPS))
+    bench.require("on_their_way", (bench.inner("pops/on_their_way") == on_the_way) & (on_the_way <= POPS))
     (first, _), (second, _) = places.buffered
     bench.require("first_before_second", first | ~second)
     for place, (there, word) in enumerate(places.buffered):
@@ -169,8 +173,8 @@ def covers(config: Config, ray: Followed, entries: Value) -> None:
         visited.eq((visited | ray.asks_node | ray.asks_leaf) & ~ray.starts),
         hit.eq((hit | ray.hits) & ~ray.starts),
     ]
-    dropped = bench.inner("drop") & ray.bit("met_context")
-    popped_leaf = bench.inner("pop_leaf") & ~bench.inner("forward_leaf") & ray.asks_leaf
+    dropped = bench.inner("pops/dropped") & ray.bit("pops/met")
+    popped_leaf = bench.inner("pops/leaf__valid") & ~bench.inner("decision/forward_leaf__valid") & ray.asks_leaf
     reach("two_visits", ray.nodes + ray.leaves == 2)
     reach("two_results_in_one_cycle", ray.node_comes & ray.leaf_comes)
     reach("popped_leaf", popped_leaf)

@@ -51,9 +51,9 @@ class Followed:
         self.leaf_comes = leaf.valid & self.mine(leaf.payload.context)
         self.fails = Cat(side.valid & self.mine(side.payload.context) for side in component.failed)
         self.hits = self.leaf_comes & leaf.payload.hit
-        self.root = self.bit("pop") & self.bit("fresh")  # the root is chosen
-        self.begins_again = self.bit("node_restart")  # the stack cannot take what a node leaves
-        self.puts = self.bit("node_push")
+        self.root = self.bit("popped") & self.bit("fresh")  # the root is chosen
+        self.begins_again = self.bit("decision/restarts")  # the stack cannot take what a node leaves
+        self.puts = self.bit("decision/pushes")
         ends = self.fails.any() | self.hits
         bench.m.d.sync += [
             self.taken.eq((self.taken | self.starts) & ~frees),
@@ -109,13 +109,18 @@ class Places:
 
     def __init__(self, config: Config, ray: Followed):
         bench, bits = ray.bench, context_bits(config)
-        self.pops = [FifoInside(bench, f"{kind}_pops", f"{kind}_pop", buffered=False) for kind in ("node", "leaf")]
+        self.pops = [
+            FifoInside(bench, f"pops/{kind}", f"popped_{kind}", buffered=False) for kind in ("nodes", "leaves")
+        ]
         lists = FifoInside(bench, "stacks/lists", "list")
-        steps = [bench.inner(f"{name}_valid") & ray.mine(bench.inner(name)[:bits]) for name in ("asked", "read", "met")]
+        steps = [
+            bench.inner(f"pops/{name}_valid") & ray.mine(bench.inner(f"pops/{name}")[:bits])
+            for name in ("asked", "read", "visit")
+        ]
         waiting = [there & ray.mine(word[:bits]) for pops in self.pops for there, word in pops.slots]
         self.chosen = total([*steps, *waiting])
         self.buffered = [
-            (bench.inner(f"results/{valid}"), bench.inner(f"results/{data}"))
+            (bench.inner(f"decision/results/{valid}"), bench.inner(f"decision/results/{data}"))
             for valid, data in (("o__valid", "first"), ("held", "kept"))
         ]
         self.results = total([there & ray.mine(word[:bits]) for there, word in self.buffered])

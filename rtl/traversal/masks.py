@@ -16,6 +16,11 @@ def one_hot(number: Value, count: int) -> Value:
     return (Const(1) << number)[:count]
 
 
+def only_if(condition: Value, mask: Value) -> Value:
+    """A mask where a condition of one bit holds, else none."""
+    return mask & condition.replicate(len(mask))
+
+
 class Counts:
     """A count for each context, from 0 to `greatest`; after reset 0."""
 

@@ -81,6 +81,18 @@ def push_list(config: Config) -> data.StructLayout:
     )
 
 
+def stack_read(config: Config) -> wiring.Signature:
+    """The entry at `position` of a context's stack, one cycle after an `en`, until the next one."""
+    return wiring.Signature(
+        {
+            "en": Out(1),
+            "context": Out(context_bits(config)),
+            "position": Out(height_bits(config)),
+            "entry": In(STACK_ENTRY),
+        }
+    )
+
+
 def strobe(layout: data.StructLayout) -> wiring.Signature:
     """A record that is taken in the cycle in which it is valid, or missed."""
     return wiring.Signature({"valid": Out(1), "payload": Out(layout)})

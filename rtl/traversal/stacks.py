@@ -12,8 +12,8 @@ from lightloom.rtl.traversal.records import (
     RANK_BITS,
     STACK_ENTRY,
     context_bits,
-    height_bits,
     push_list,
+    stack_read,
     strobe,
 )
 
@@ -42,16 +42,7 @@ class Stacks(wiring.Component):
                 "push": In(stream.Signature(push_list(config))),
                 "written": Out(wiring.Signature({"valid": Out(1), "context": Out(context)})),
                 "near_leaf": Out(strobe(data.StructLayout({"address": ADDRESS_BITS}))),
-                "read": In(
-                    wiring.Signature(
-                        {
-                            "en": Out(1),
-                            "context": Out(context),
-                            "position": Out(height_bits(config)),
-                            "entry": In(STACK_ENTRY),
-                        }
-                    )
-                ),
+                "read": In(stack_read(config)),
             }
         )
 

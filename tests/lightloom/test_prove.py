@@ -10,6 +10,7 @@ from lightloom.gen.formal import mutations
 from lightloom.gen.formal.catalogue import PROPERTIES
 from lightloom.gen.formal.faults import FAULTS
 from lightloom.golden_model.host.errors import InputError
+from tests import ROOT
 
 
 def test_the_list_has_every_property(capsys: pytest.CaptureFixture[str]) -> None:
@@ -77,6 +78,11 @@ def test_a_fault_is_caught_and_one_that_changes_nothing_is_not() -> None:
     check = "float_compare/every-6-bit-input"
     rows = mutations.run([mutations.Mutation(**{**fault.__dict__, "checks": (check,)}), harmless], jobs=2)
     assert [row["caught by"] for row in rows] == [check, ""]
+
+
+@pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
+def test_the_text_of_a_fault_is_in_its_file_once(fault: mutations.Mutation) -> None:
+    assert (ROOT / fault.file).read_text(encoding="utf-8").count(fault.old) == 1
 
 
 def test_a_fault_that_is_not_there_is_refused() -> None:

@@ -9,7 +9,9 @@ from amaranth.sim import Simulator
 
 from lightloom.golden_model.contract.formats import TIME_BITS, TRACE_ERRORS, WIDTH
 from lightloom.rtl.config import Config
-from lightloom.rtl.traversal.control import FEW, NEAR_BITS, SURE, WINDOW, Control
+from lightloom.rtl.traversal.control import SURE, Control
+from lightloom.rtl.traversal.node_decision import NEAR_BITS
+from lightloom.rtl.traversal.run_ahead import FEW, WINDOW
 
 SEED = 1984
 RAYS = 120
