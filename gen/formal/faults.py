@@ -4,6 +4,7 @@ from lightloom.gen.formal.mutations import Mutation
 
 OPERATORS = "rtl/operators/"
 PIPELINE, QUEUES, FILL = "rtl/fabric/pipeline.py", "rtl/fabric/queues.py", "rtl/memory/block_fill.py"
+CACHE = "rtl/memory/block_cache.py"
 CONTROL, DECISION, RAYS = (f"rtl/traversal/{name}.py" for name in ("control", "node_decision", "rays"))
 POPPED, RUN_AHEAD = "rtl/traversal/popped_visits.py", "rtl/traversal/run_ahead.py"
 STREAM = ("float_add/stream-tiny",)
@@ -395,17 +396,17 @@ _FAULTS = (
     ),
     Mutation(
         name="answers-what-nobody-asked",
-        file="rtl/memory/block_cache.py",
-        old="answers.eq(hit | (drains & ~of_prefetch))",
-        new="answers.eq(hit | drains)",
+        file="rtl/memory/block_answers.py",
+        old="(drains & ~waited.tag[self.tag_width])",
+        new="drains",
         what="a block that was prefetched is given as an answer",
         checks=("block_cache/answers",),
     ),
     Mutation(
         name="prefetch-untold",
-        file="rtl/memory/block_cache.py",
-        old="prefetching.eq(prefetching + (miss & is_prefetch) - (drains & of_prefetch))",
-        new="prefetching.eq(0)",
+        file=CACHE,
+        old="unasked.eq(unasked + begins - ends)",
+        new="unasked.eq(0)",
         what="a tree may be changed while a block of the last one is prefetched",
         checks=("block_cache/answers",),
     ),
@@ -459,7 +460,7 @@ _FAULTS = (
     ),
     Mutation(
         name="never-crowded",
-        file="rtl/memory/block_cache.py",
+        file=CACHE,
         old="self.crowded.eq(addresses.level >= CROWD)",
         new="self.crowded.eq(addresses.level > CROWD)",
         what="rays run ahead though the memory does not keep up",
@@ -483,9 +484,9 @@ _FAULTS = (
     ),
     Mutation(
         name="drain-over-hit",
-        file="rtl/memory/block_cache.py",
-        old="drain.ready.eq(can_answer & ~hit_first)",
-        new="drain.ready.eq(can_answer)",
+        file="rtl/memory/block_answers.py",
+        old="self.waited.ready.eq(moves & ~hit_first)",
+        new="self.waited.ready.eq(moves)",
         what="an answer is lost where a hit comes at the same time",
         checks=("tests/rtl/test_block_cache.py::test_hits_go_first_but_not_for_ever",),
     ),
@@ -715,9 +716,9 @@ _FAULTS = (
     ),
     Mutation(
         name="no-number-no-answer",
-        file="rtl/memory/block_cache.py",
-        old="Mux(lines.found, ~lines.awaited, fill.lost)",
-        new="lines.found & ~lines.awaited",
+        file=CACHE,
+        old="asked & Mux(lines.found, ~lines.awaited, fill.lost)",
+        new="asked & lines.found & ~lines.awaited",
         what="requests wait for ever where no number is left",
         checks=("tests/rtl/test_block_cache.py::test_without_numbers_all_that_is_not_there_fails_at_once",),
     ),

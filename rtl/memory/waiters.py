@@ -9,6 +9,11 @@ from lightloom.rtl.fabric.pipeline import register
 from lightloom.rtl.fabric.queues import FreeList, PassingQueue, number_width
 
 
+def waiter(*, line_width: int, tag_width: int) -> data.StructLayout:
+    """A request whose block is in a line, or whose read had an error; the `last` one that waits for this line."""
+    return data.StructLayout({"line": line_width, "error": 1, "tag": tag_width, "last": 1})
+
+
 class Waiters(Component):
     """Collects requests by the miss that they wait for, and gives those of a miss one a cycle when its block has come.
 
@@ -22,14 +27,13 @@ class Waiters(Component):
     - `ended`: the read of miss `filled_miss` is over; as a rule with `filled`. Where `filled` comes without it, there
       is no further event until `passed`, so that no more than one of each miss is on its way.
     - `free`, `free_miss`: the miss's number may be used again, which is after both.
-    - `o`: {line, error, tag, last: no more requests wait for this line}. It does not wait for anything but `o.ready`.
+    - `o`: stream of `waiter`. It does not wait for anything but `o.ready`.
     """
 
     def __init__(self, *, misses: int, requests: int, tag_width: int, line_width: int):
         self.misses, self.requests = misses, requests
         self.miss_width, self.number_width = number_width(misses), number_width(requests)
         self.tag_width, self.line_width = tag_width, line_width
-        answer = {"line": line_width, "error": 1, "tag": tag_width, "last": 1}
         super().__init__(
             {
                 "ready": Out(1),
@@ -45,7 +49,7 @@ class Waiters(Component):
                 "filled_error": In(1),
                 "free": Out(1),
                 "free_miss": Out(self.miss_width),
-                "o": Out(stream.Signature(data.StructLayout(answer))),
+                "o": Out(stream.Signature(waiter(line_width=line_width, tag_width=tag_width))),
             }
         )
 

@@ -15,7 +15,8 @@ from amaranth.sim import Simulator
 
 from lightloom.gen.verilog import convert
 from lightloom.rtl.fabric.queues import number_width
-from lightloom.rtl.memory.block_cache import CALM, CROWD, PATIENCE, BlockCache
+from lightloom.rtl.memory.block_answers import PATIENCE
+from lightloom.rtl.memory.block_cache import CALM, CROWD, BlockCache
 from lightloom.sim import toolchain, verilated
 from lightloom.sim.runner import BenchError, run_cocotb
 from tests import ROOT
