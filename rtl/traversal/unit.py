@@ -2,9 +2,10 @@
 # (a unit is also made only to ask for its ports)
 """The traversal unit: rays in, hits out, through a tree of boxes in memory."""
 
-from typing import Any
+from dataclasses import dataclass, fields
+from functools import partial
 
-from amaranth import Const, Module, ResetInserter, Signal, Value
+from amaranth import Module, ResetInserter, Signal, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -12,9 +13,8 @@ from lightloom.golden_model.contract.formats import LEAF_RAY, RAY_QUERY, RAY_RES
 from lightloom.golden_model.contract.interfaces import COUNTERS
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.layouts import packet_of
-from lightloom.rtl.fabric.queues import PassingQueue, Queue, number_width
+from lightloom.rtl.fabric.queues import Queue, number_width
 from lightloom.rtl.memory.axi_read_arbiter import AxiReadArbiter
-from lightloom.rtl.memory.block_cache import BlockCache
 from lightloom.rtl.memory.header_reader import HeaderReader
 from lightloom.rtl.memory.read_timer import TIMEOUT_BITS, ReadTimer
 from lightloom.rtl.traversal.control import Control
@@ -23,15 +23,35 @@ from lightloom.rtl.traversal.intake import LATTICE, Intake
 from lightloom.rtl.traversal.leaf import LeafStage
 from lightloom.rtl.traversal.loader import Loader
 from lightloom.rtl.traversal.node_stage import NodeStage
-from lightloom.rtl.traversal.records import ADDRESS_BITS
+from lightloom.rtl.traversal.records import ADDRESS_BITS, leaf_visit, node_visit
 from lightloom.rtl.traversal.results import Results
+from lightloom.rtl.traversal.visited_blocks import VisitedBlocks
 
 MASTERS = 3
 """The header reader and two caches share the memory port."""
 
 
-BACKLOG = 3
-"""Requests in front of a cache from which on they wait, and do not only pass."""
+@dataclass(frozen=True, kw_only=True)
+class _Parts:
+    """What a unit is made of beside the arbiter; an abort resets all but the timer."""
+
+    loader: Loader
+    header_reader: HeaderReader
+    intake: Intake
+    control: Control
+    nodes: NodeStage
+    leaves: LeafStage
+    results: Results
+    counters: Counters
+    node_blocks: VisitedBlocks
+    triangle_blocks: VisitedBlocks
+    leaf_addresses: Queue
+    timer: ReadTimer
+
+    @property
+    def idle(self) -> Value:
+        """No ray is inside."""
+        return self.intake.idle & self.control.idle
 
 
 class Traversal(wiring.Component):
@@ -85,162 +105,163 @@ class Traversal(wiring.Component):
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
+        parts = self._parts(m)
+        self._tree(m, parts)
+        self._rays(m, parts)
+        self._visits(m, parts)
+        self._leaves(m, parts)
+        self._memory(m, parts)
+        self._count(m, parts)
+        return m
+
+    def _parts(self, m: Module) -> _Parts:
         config = self._config
-        visits = config.contexts * config.overlap
-        m.submodules.arbiter = arbiter = self._arbiter
-
-        def part(name: str, component: Any) -> Any:
-            """A part that an abort resets."""
-            m.submodules[name] = ResetInserter(arbiter.aborting)(component)
-            return component
-
-        loader = part("loader", Loader(config.address_width))
-        header = part("header_reader", self._header)
+        m.submodules.arbiter = self._arbiter
         m.submodules.read_timer = timer = ReadTimer()  # which goes on: an abort may be waiting for it
-        intake = part("intake", Intake(config))
-        control = part("control", Control(config))
-        nodes = part("nodes", NodeStage(config))
-        leaves = part("leaves", LeafStage(config))
-        results = part("results", Results(config))
-        counters = part("counters", Counters())
+        blocks = partial(VisitedBlocks, config, axi=self._ports)
+        leaves = LeafStage(config)
+        parts = _Parts(
+            loader=Loader(config.address_width),
+            header_reader=self._header,
+            intake=Intake(config),
+            control=Control(config),
+            nodes=NodeStage(config),
+            leaves=leaves,
+            results=Results(config),
+            counters=Counters(),
+            node_blocks=blocks(kind="node", visit=node_visit(config)),
+            triangle_blocks=blocks(kind="triangle", visit=leaf_visit(config)),
+            leaf_addresses=Queue(ADDRESS_BITS, leaves.latency + 2),
+            timer=timer,
+        )
+        for field in fields(parts):
+            if field.name != "timer":
+                m.submodules[field.name] = ResetInserter(self._arbiter.aborting)(getattr(parts, field.name))
+        return parts
 
-        idle = Signal()  # no ray is inside
-        prefetching = Signal()  # but a prefetch may be, of a ray that was
-        m.d.comb += idle.eq(intake.idle & control.idle)
-
-        # --- the tree -----------------------------------------------------------------------------------------------
+    def _tree(self, m: Module, parts: _Parts) -> None:
+        """Which tree there is, and how it is read."""
+        loader, header, timer = parts.loader, parts.header_reader, parts.timer
+        prefetching = Signal()  # though no ray is inside, a block may be on its way for one that was
         m.d.comb += [
+            prefetching.eq(parts.node_blocks.prefetching | parts.triangle_blocks.prefetching),
             loader.load.eq(self.load),
             loader.base.eq(self.base),
-            loader.idle.eq(idle & ~prefetching),
+            loader.idle.eq(parts.idle & ~prefetching),
             loader.busy.eq(header.busy),
             header.load.eq(loader.go),
             header.base.eq(loader.next_base),
             timer.timeout.eq(self.read_timeout),
             header.tick.eq(timer.tick),
-            intake.tree.eq(header.loaded),
-            nodes.blocks.eq(header.blocks),
-            control.root.eq(header.root),
-            control.levels.eq(header.levels),
-            control.overlap.eq(self.overlap),
+            parts.intake.tree.eq(header.loaded),
+            parts.nodes.blocks.eq(header.blocks),
+            parts.control.root.eq(header.root),
+            parts.control.levels.eq(header.levels),
+            parts.control.overlap.eq(self.overlap),
         ]
-        m.d.comb += [intake.lattice[name].eq(getattr(header, name)) for name in LATTICE.names or ()]
+        m.d.comb += [parts.intake.lattice[name].eq(getattr(header, name)) for name in LATTICE.names or ()]
+        for blocks in (parts.node_blocks, parts.triangle_blocks):
+            m.d.comb += [blocks.base.eq(header.tree_base), blocks.invalidate.eq(loader.go), blocks.tick.eq(timer.tick)]
         with m.If(~loader.loading):
             m.d.comb += [self.loaded.eq(header.loaded), self.load_error.eq(header.load_error)]
 
-        # --- rays in and out ----------------------------------------------------------------------------------------
+    def _rays(self, m: Module, parts: _Parts) -> None:
+        """Rays in and out."""
+        intake, control, nodes, leaves, results = (
+            parts.intake,
+            parts.control,
+            parts.nodes,
+            parts.leaves,
+            parts.results,
+        )
         enters = Signal()
+        prepared = intake.o.payload
         m.d.comb += [
-            enters.eq(~(loader.loading | arbiter.aborting)),
+            enters.eq(~(parts.loader.loading | self._arbiter.aborting)),
             intake.i.payload.eq(self.i.payload),
             intake.i.valid.eq(self.i.valid & enters),
             self.i.ready.eq(intake.i.ready & enters),
-        ]
-        prepared = intake.o.payload
-        starts = control.start.valid & control.start.ready
-        m.d.comb += [
             control.start.valid.eq(intake.o.valid),
             control.start.payload.skip.eq(prepared.skip),
             intake.o.ready.eq(control.start.ready),
-            nodes.start.valid.eq(starts),
-            nodes.start.payload.context.eq(control.start_context),
             nodes.start.payload.ray.eq(prepared.node),
-            leaves.start.valid.eq(starts),
-            leaves.start.payload.context.eq(control.start_context),
-            results.start.valid.eq(starts),
-            results.start.payload.context.eq(control.start_context),
             results.start.payload.status.eq(prepared.status),
             control.started.valid.eq(leaves.started.valid),
             control.started.context.eq(leaves.started.context),
         ]
         m.d.comb += [leaves.start.payload[name].eq(prepared.leaf[name]) for name in LEAF_RAY.names or ()]
+        for part in (nodes, leaves, results):
+            m.d.comb += [
+                part.start.valid.eq(control.start.valid & control.start.ready),
+                part.start.payload.context.eq(control.start_context),
+            ]
         wiring.connect(m, control.finished, results.i)
         wiring.connect(m, results.release, control.release)
         for side in range(2):
             wiring.connect(m, control.failed[side], results.failed[side])
         wiring.connect(m, results.o, wiring.flipped(self.o))
 
-        # --- visits: request, block, result -------------------------------------------------------------------------
-        # Every queue on the way has room for all visits that there can be. So the stages' own requests never wait, the
-        # caches can always answer, and what waits for a cache always gets on.
-        caches = {}
-        backlog: Value = Const(0)
-        prefetches: Value = control.near_leaf.valid
-        for name, requests in (("node", control.node_request), ("triangle", control.leaf_request)):
-            queue = part(f"{name}_queue", PassingQueue(requests.payload.shape(), visits))
-            backlog |= queue.level >= BACKLOG
-            cache = BlockCache(
-                sets=getattr(config, f"{name}_sets"),
-                ways=getattr(config, f"{name}_ways"),
-                misses=getattr(config, f"{name}_misses"),
-                requests=visits,
-                tag_width=len(Value.cast(requests.payload)),
-                **self._ports,
-            )
-            caches[name] = part(f"{name}_cache", cache)
-            backlog |= cache.crowded
-            prefetches |= cache.prefetching
-            wiring.connect(m, requests, queue.i)
-            m.d.comb += [
-                cache.i.valid.eq(queue.o.valid),
-                cache.i.payload.block.eq(queue.o.payload.address),
-                cache.i.payload.tag.eq(queue.o.payload),
-                queue.o.ready.eq(cache.i.ready),
-                cache.base.eq(header.tree_base),
-                cache.invalidate.eq(loader.go),
-                cache.tick.eq(timer.tick),
-            ]
+    def _visits(self, m: Module, parts: _Parts) -> None:
+        """Visits: request, block, result. Requests never wait, as every place on the way has room for all of them."""
+        control, nodes, leaves = parts.control, parts.nodes, parts.leaves
+        wiring.connect(m, control.node_request, parts.node_blocks.i)
+        wiring.connect(m, control.leaf_request, parts.triangle_blocks.i)
+        node = parts.node_blocks.o.payload
         m.d.comb += [
-            caches["triangle"].prefetch.valid.eq(control.near_leaf.valid),
-            caches["triangle"].prefetch.block.eq(control.near_leaf.payload.address),
-            prefetching.eq(prefetches),
-        ]
-        m.d.comb += [control.backlog.eq(backlog), control.starved.eq(nodes.starved)]
-        m.d.comb += [
-            nodes.i.valid.eq(caches["node"].o.valid),
-            nodes.i.payload.data.eq(caches["node"].o.payload.data),
-            nodes.i.payload.error.eq(caches["node"].o.payload.error),
-            Value.cast(nodes.i.payload.tag).eq(caches["node"].o.payload.tag),
-            caches["node"].o.ready.eq(nodes.i.ready),
+            parts.triangle_blocks.prefetch.valid.eq(control.near_leaf.valid),
+            parts.triangle_blocks.prefetch.block.eq(control.near_leaf.payload.address),
+            control.backlog.eq(parts.node_blocks.backlog | parts.triangle_blocks.backlog),
+            control.starved.eq(nodes.starved),
+            nodes.i.valid.eq(parts.node_blocks.o.valid),
+            nodes.i.payload.data.eq(node.data),
+            nodes.i.payload.error.eq(node.error),
+            nodes.i.payload.tag.eq(node.visit),
+            parts.node_blocks.o.ready.eq(nodes.i.ready),
         ]
         wiring.connect(m, nodes.o, control.node)
-        # The leaf stage is done with visits in the order in which it takes them.
-        leaf_addresses = part("leaf_addresses", Queue(ADDRESS_BITS, leaves.latency + 2))
-        block = control.leaf_request.payload.shape()(caches["triangle"].o.payload.tag)
-        m.d.comb += [
-            leaves.i.valid.eq(caches["triangle"].o.valid),
-            leaves.i.payload.context.eq(block.context),
-            leaves.i.payload.data.eq(caches["triangle"].o.payload.data),
-            leaves.i.payload.error.eq(caches["triangle"].o.payload.error),
-            caches["triangle"].o.ready.eq(leaves.i.ready),
-            leaf_addresses.i.valid.eq(leaves.i.valid & leaves.i.ready),
-            leaf_addresses.i.payload.eq(block.address),
-            leaf_addresses.o.ready.eq(leaves.done.valid),
-            control.leaf.valid.eq(leaves.done.valid),
-            control.leaf.payload.context.eq(leaves.done.context),
-            control.leaf.payload.address.eq(leaf_addresses.o.payload),
-            control.leaf.payload.hit.eq(leaves.done.hit),
-            control.leaf.payload.error.eq(leaves.done.error),
-            leaves.hit_read.context.eq(results.hit_read.context),
-            results.hit_read.hit.eq(leaves.hit_read.hit),
-        ]
         for reader, port in zip((nodes.time_read, control.time_read), leaves.time_read, strict=True):
             m.d.comb += [port.context.eq(reader.context), reader.time.eq(port.time)]
 
-        # --- memory -------------------------------------------------------------------------------------------------
+    def _leaves(self, m: Module, parts: _Parts) -> None:
+        """Blocks of triangles. The leaf stage is done with visits in the order in which it takes them."""
+        control, leaves, addresses, blocks = (parts.control, parts.leaves, parts.leaf_addresses, parts.triangle_blocks)
+        block = blocks.o.payload
+        m.d.comb += [
+            leaves.i.valid.eq(blocks.o.valid),
+            leaves.i.payload.context.eq(block.visit.context),
+            leaves.i.payload.data.eq(block.data),
+            leaves.i.payload.error.eq(block.error),
+            blocks.o.ready.eq(leaves.i.ready),
+            addresses.i.valid.eq(leaves.i.valid & leaves.i.ready),
+            addresses.i.payload.eq(block.visit.address),
+            addresses.o.ready.eq(leaves.done.valid),
+            control.leaf.valid.eq(leaves.done.valid),
+            control.leaf.payload.context.eq(leaves.done.context),
+            control.leaf.payload.address.eq(addresses.o.payload),
+            control.leaf.payload.hit.eq(leaves.done.hit),
+            control.leaf.payload.error.eq(leaves.done.error),
+            leaves.hit_read.context.eq(parts.results.hit_read.context),
+            parts.results.hit_read.hit.eq(leaves.hit_read.hit),
+        ]
+
+    def _memory(self, m: Module, parts: _Parts) -> None:
+        arbiter = self._arbiter
         m.d.comb += [
             arbiter.abort.eq(self.abort),
-            arbiter.tick.eq(timer.tick),
-            arbiter.timed.eq(timer.runs),
+            arbiter.tick.eq(parts.timer.tick),
+            arbiter.timed.eq(parts.timer.runs),
             self.aborting.eq(arbiter.aborting),
         ]
-        for k, master in enumerate((header.m_axi, caches["node"].m_axi, caches["triangle"].m_axi)):
-            wiring.connect(m, master, arbiter.masters[k])
+        ports = (parts.header_reader.m_axi, parts.node_blocks.m_axi, parts.triangle_blocks.m_axi)
+        for port, master in zip(ports, arbiter.masters, strict=True):
+            wiring.connect(m, port, master)
         wiring.connect(m, arbiter.m_axi, wiring.flipped(self.m_axi))
 
-        # --- counters -----------------------------------------------------------------------------------------------
+    def _count(self, m: Module, parts: _Parts) -> None:
+        """Counters: what each of them counts."""
+        control, nodes, leaves = parts.control, parts.nodes, parts.leaves
         given = self.o.valid & self.o.ready
-        busy = ~idle
+        busy = ~parts.idle
         events = {
             "cycles": busy,
             "rays": given,
@@ -256,14 +277,13 @@ class Traversal(wiring.Component):
             "triangle_stalled": leaves.stalled,
             "beats": self.m_axi.rvalid & self.m_axi.rready,
             "errors": given & (self.o.payload.data.error != 0),
+            "triangle_prefetches": parts.triangle_blocks.cache.prefetched,
         }
-        for name, cache in caches.items():
+        for name, cache in (("node", parts.node_blocks.cache), ("triangle", parts.triangle_blocks.cache)):
             events |= {f"{name}_hits": cache.hit, f"{name}_misses": cache.miss, f"{name}_merged": cache.merged}
-        events["triangle_prefetches"] = caches["triangle"].prefetched
-        m.d.comb += counters.clear.eq(self.count_clear)
+        m.d.comb += parts.counters.clear.eq(self.count_clear)
         for name in COUNTERS:
             m.d.comb += [
-                getattr(counters, f"event_{name}").eq(events[name]),
-                getattr(self, f"count_{name}").eq(getattr(counters, f"count_{name}")),
+                getattr(parts.counters, f"event_{name}").eq(events[name]),
+                getattr(self, f"count_{name}").eq(getattr(parts.counters, f"count_{name}")),
             ]
-        return m

@@ -63,18 +63,18 @@ def broken(verilog: str, module: str, original: str, mutant: str) -> str:
 @pytest.mark.parametrize(
     ("module", "original", "mutant", "only", "message"),
     [
-        ("node_cache.waiters", "first_d1 <= first;", "first_d1 <= 1'h1;", "stalled/run=0", "hangs"),
+        ("node_blocks.cache.waiters", "first_d1 <= first;", "first_d1 <= 1'h1;", "stalled/run=0", "hangs"),
         ("results", "= { status_read__data[13:0]", "= { ~status_read__data[13:0]", "stalled/run=5", "of no ray"),
         ("results", "= { status_read__data[13:0]", f"= {SWAPPED}", "stalled/run=5", "results differ"),
         ("results", "<= i__valid", "<= i__valid | (o__valid & ray[0])", "stalled/run=5", "doubled tags"),
         ("results", "if (moves) o__valid <=", "o__valid <=", "stalled/run=5", "was withdrawn|result changed"),
         ("results", "= o__valid & o__ready", "= o__valid", "stalled/run=5", "result changed|hangs"),
         ("arbiter.addresses", "if (moves) o__valid <=", "o__valid <=", "stalled/run=0", "arvalid was withdrawn"),
-        ("triangle_cache.lines", "invalidate ? ", "1'h0 ? ", "another_tree$", "(renumbered|soup) at .*differ"),
+        ("triangle_blocks.cache.lines", "invalidate ? ", "1'h0 ? ", "another_tree$", "(renumbered|soup) at .*differ"),
         ("loader", " & idle", "", "another_tree_while", "nothing is there|differ"),
         ("nodes", "block[63:32] <= visit", "block[63:32] < visit", "damaged_blocks/overlap=one", "own child.*differ"),
         ("nodes", "> blocks", ">= blocks", "stalled/run=3", "results differ"),
-        ("node_cache.fill", " | has_failed;", ";", "memory_errors/overlap=one", "SLVERR.*differ"),
+        ("node_blocks.cache.fill", " | has_failed;", ";", "memory_errors/overlap=one", "SLVERR.*differ"),
     ],
     ids=[
         "lost waiter",
