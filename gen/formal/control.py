@@ -29,6 +29,8 @@ def life(config: Config) -> Bench:
     asks = ray.asks_node | ray.asks_leaf
     bench.require("visits_of_its_ray", ~asks | (ray.begun & ~ray.done))
     bench.require("nothing_chosen_after_the_end", ~ray.bit("popped") | (~ray.ended & (~ray.due | ray.bit("fresh"))))
+    dead = ray.ended | ray.bit("restart")
+    bench.require("drops_what_was_chosen_before", ~(ray.bit("pops/met") & dead) | bench.inner("pops/dropped"))
     bench.require("overlap", visits <= ray.limit)
     bench.require("one_at_a_time_again", ~ray.again | (visits <= 1))
     bench.require("finished_once", ~ray.finishes | (ray.begun & ~ray.done))
