@@ -443,6 +443,14 @@ _FAULTS = (
         checks=("tests/rtl/test_axi_read_arbiter.py::test_a_timeout_that_is_made_shorter",),
     ),
     Mutation(
+        name="runs-ahead-of-the-stacks",
+        file="rtl/traversal/control.py",
+        old="run_ahead.backlog.eq(self.backlog | stacks.backlog)",
+        new="run_ahead.backlog.eq(self.backlog)",
+        what="rays run ahead though the stacks do not keep up",
+        checks=("tests/rtl/test_control.py::test_no_ray_runs_ahead_while_the_stacks_are_written",),
+    ),
+    Mutation(
         name="load-beside-prefetch",
         file="rtl/traversal/unit.py",
         old="loader.idle.eq(parts.idle & ~prefetching)",

@@ -115,7 +115,7 @@ class Control(wiring.Component):
             self.revisit.eq(decision.revisit),
             pops.root.eq(self.root),
             pops.is_dead.eq((pops.met & rays.dead).any()),
-            run_ahead.backlog.eq(self.backlog),
+            run_ahead.backlog.eq(self.backlog | stacks.backlog),
             run_ahead.starved.eq(self.starved),
             run_ahead.nodes_waiting.eq(pops.nodes_waiting),
             free.take.eq(self.start.valid),

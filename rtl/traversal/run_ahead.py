@@ -16,7 +16,7 @@ class RunAhead(Component):
 
     Ports:
 
-    - `backlog`: requests wait in front of a cache, or many reads for the memory.
+    - `backlog`: requests wait in front of a cache, many reads for the memory, or entries for the stacks.
     - `starved`: in this cycle the node test has none to test.
     - `nodes_waiting`: visits of nodes from the stacks that wait for their turn.
     - `allowed`: they may be chosen.

@@ -29,6 +29,7 @@ class Stacks(wiring.Component):
     - `push`: stream of `push_list`; their entries are written from `last` to `first`, so that the nearest is on top, in
       the next cycle at the earliest.
     - `written`: strobe, a list of this context has been written.
+    - `backlog`: after this cycle there is more to be written.
     - `near_leaf`: strobe, an entry that has been written is a block of triangles and near: it is likely to be visited.
     - `read`: the entry at `position` of the context's stack is there one cycle after an `en`, until the next one.
     """
@@ -41,6 +42,7 @@ class Stacks(wiring.Component):
             {
                 "push": In(stream.Signature(push_list(config))),
                 "written": Out(wiring.Signature({"valid": Out(1), "context": Out(context)})),
+                "backlog": Out(1),
                 "near_leaf": Out(strobe(data.StructLayout({"address": ADDRESS_BITS}))),
                 "read": In(stack_read(config)),
             }
@@ -71,6 +73,7 @@ class Stacks(wiring.Component):
             lists.w_en.eq(self.push.valid & ~past),
             lists.r_en.eq(moves),
             self.push.ready.eq(lists.w_rdy),
+            self.backlog.eq((lists.level != 0) | (writing & ~last)),
         ]
         with m.If(moves):
             m.d.sync += [

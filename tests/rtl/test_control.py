@@ -253,6 +253,58 @@ def test_no_ray_runs_ahead_while_visits_of_nodes_wait(starved: int, runs_ahead: 
     assert (ahead in asked) == runs_ahead
 
 
+def test_no_ray_runs_ahead_while_the_stacks_are_written() -> None:
+    """What another ray leaves on its stack, an entry a cycle, delays the visit; a list of one entry does not."""
+
+    def cycles_until_it_runs_ahead(children: int) -> int:
+        """From a node of the other ray with so many children."""
+        dut = Control(SMALL)
+        ahead, other = 0, 1
+        taken = []
+
+        async def testbench(ctx: Any) -> None:
+            async def result(context: int, count: int, leaf: int) -> None:
+                ctx.set(dut.node.payload.context, context)
+                ctx.set(dut.node.payload.hits.count, count)
+                ctx.set(dut.node.payload.leaf, leaf)
+                ctx.set(dut.node.valid, 1)
+                await ctx.tick().until(dut.node.ready)
+                ctx.set(dut.node.valid, 0)
+
+            for port, value in ((dut.overlap, SMALL.overlap), (dut.levels, 1), (dut.root, 1), (dut.backlog, 1)):
+                ctx.set(port, value)
+            ctx.set(dut.time_read.time, (1 << TIME_BITS) - 1)
+            for slot in range(WIDTH):
+                ctx.set(dut.node.payload.hits.slot[slot], slot)
+            ctx.set(dut.start.valid, 1)
+            for context in (ahead, other):
+                await ctx.tick().until(dut.start.ready)
+                ctx.set(dut.started.valid, 1)
+                ctx.set(dut.started.context, context)
+            ctx.set(dut.start.valid, 0)
+            await ctx.tick()
+            ctx.set(dut.started.valid, 0)
+            await ctx.tick().repeat(20)
+            await result(ahead, 3, 0b1)  # to a leaf, with two nodes on the stack
+            await ctx.tick().repeat(20)
+            await result(other, children, 0b1)
+            await ctx.tick()  # it is in front of the stacks
+            ctx.set(dut.backlog, 0)
+            while not (ctx.get(dut.node_request.valid) and ctx.get(dut.node_request.payload.context) == ahead):
+                taken.append(1)
+                await ctx.tick()
+                assert len(taken) < 50
+
+        simulator = Simulator(dut)
+        simulator.add_clock(1e-6)
+        simulator.add_testbench(testbench)
+        simulator.run()
+        return len(taken)
+
+    at_once, *delayed = [cycles_until_it_runs_ahead(children) for children in range(1, 6)]
+    assert [cycles - at_once for cycles in delayed] == [0, 1, 2, 3]
+
+
 TIME = 1000
 
 

@@ -13,6 +13,30 @@ SEED = 1989
 LISTS = 60
 
 
+def test_backlog() -> None:
+    """High in all cycles of writing but the last: lists of one, four and two entries, one after the other."""
+    stacks = Stacks(PRESETS["tiny"])
+    seen: list[int] = []
+
+    async def testbench(ctx: Any) -> None:
+        push = stacks.push
+        for first, last in ((1, 1), (1, 4), (2, 3)):
+            ctx.set(push.payload, {"first": first, "last": last})
+            ctx.set(push.valid, 1)
+            await ctx.tick()
+            seen.append(ctx.get(stacks.backlog))
+        ctx.set(push.valid, 0)
+        for _ in range(6):
+            await ctx.tick()
+            seen.append(ctx.get(stacks.backlog))
+
+    simulator = Simulator(stacks)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(testbench)
+    simulator.run()
+    assert seen == [0, 1, 1, 1, 1, 1, 0, 0, 0]
+
+
 def test_leaves_that_are_near_are_told() -> None:
     """Once each, with their address, as they are written: not nodes, not what is far, not a node to be seen again."""
     rng = random.Random(SEED)
