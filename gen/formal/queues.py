@@ -68,8 +68,8 @@ def buffer() -> Bench:
     return bench
 
 
-def queue(depth: int) -> Bench:
-    component = Queue(WIDTH, depth)
+def followed(component: Queue | PassingQueue, depth: int) -> tuple[Bench, Tracker]:
+    """A queue in which one item is followed; whoever uses it never has more than `depth` items in it."""
     bench = Bench(component)
     i, o = component.i, component.o
     held(bench, "o", o.valid, o.ready, o.payload)
@@ -77,8 +77,14 @@ def queue(depth: int) -> Bench:
     tracker = Tracker(
         bench, most=depth, enters=i.valid, incoming=i.payload, leaves=leaves, offers=o.valid, outgoing=o.payload
     )
-    # Whoever uses it never has more than `depth` items in it.
     bench.assume(~i.valid | (tracker.count - leaves < depth))
+    return bench, tracker
+
+
+def queue(depth: int) -> Bench:
+    component = Queue(WIDTH, depth)
+    bench, tracker = followed(component, depth)
+    i, o = component.i, component.o
     bench.require("has_room", ~i.valid | bench.inner("fifo/w_rdy"))
     waited = bench.past((tracker.count != 0) & ~o.valid, "waited")
     bench.require("comes_out", ~waited | o.valid)
@@ -91,14 +97,8 @@ def queue(depth: int) -> Bench:
 
 def passing_queue(depth: int) -> Bench:
     component = PassingQueue(WIDTH, depth)
-    bench = Bench(component)
+    bench, tracker = followed(component, depth)
     i, o = component.i, component.o
-    held(bench, "o", o.valid, o.ready, o.payload)
-    leaves = o.valid & o.ready
-    tracker = Tracker(
-        bench, most=depth, enters=i.valid, incoming=i.payload, leaves=leaves, offers=o.valid, outgoing=o.payload
-    )
-    bench.assume(~i.valid | (tracker.count - leaves < depth))
     bench.require("has_room", ~bench.inner("waiting/i__valid") | bench.inner("waiting/fifo/w_rdy"))
     bench.require("passes", o.valid | ~bench.past(i.valid & (tracker.count == 0), "came_alone"))
     empty = (tracker.count != 0) & ~o.valid
@@ -110,7 +110,7 @@ def passing_queue(depth: int) -> Bench:
     bench.require("followed_in_output", ~in_output | (bench.inner("waiting/fifo/r_data") == tracker.payload))
     in_ram = tracker.follows & (tracker.ahead >= before)
     bench.require("followed_in_ram", ~in_ram | (inside.at(tracker.ahead - before) == tracker.payload))
-    bench.reach("past_the_ram", leaves & ~inside.out & (inside.level == 0))
+    bench.reach("past_the_ram", o.valid & o.ready & ~inside.out & (inside.level == 0))
     return bench
 
 

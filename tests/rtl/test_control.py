@@ -195,6 +195,34 @@ def test_how_far_a_ray_runs_ahead(backlog: int, starved: int, near: int, most: i
     assert asked == most
 
 
+async def rays_begin(ctx: Any, dut: Control, count: int, *, levels: int) -> None:
+    """Rays in contexts from 0 up ask for their roots; nothing is beyond a best hit, and `backlog` is high."""
+    for port, value in ((dut.overlap, SMALL.overlap), (dut.levels, levels), (dut.root, 1), (dut.backlog, 1)):
+        ctx.set(port, value)
+    ctx.set(dut.time_read.time, (1 << TIME_BITS) - 1)
+    for slot in range(WIDTH):
+        ctx.set(dut.node.payload.hits.slot[slot], slot)
+    ctx.set(dut.start.valid, 1)
+    for context in range(count):
+        await ctx.tick().until(dut.start.ready)
+        ctx.set(dut.started.valid, 1)
+        ctx.set(dut.started.context, context)
+    ctx.set(dut.start.valid, 0)
+    await ctx.tick()
+    ctx.set(dut.started.valid, 0)
+    await ctx.tick().repeat(20)
+
+
+async def node_result(ctx: Any, dut: Control, context: int, count: int, leaf: int) -> None:
+    """Of a visit, until it is taken: the children are `count` nodes, but leaves where `leaf` has a bit."""
+    ctx.set(dut.node.payload.context, context)
+    ctx.set(dut.node.payload.hits.count, count)
+    ctx.set(dut.node.payload.leaf, leaf)
+    ctx.set(dut.node.valid, 1)
+    await ctx.tick().until(dut.node.ready)
+    ctx.set(dut.node.valid, 0)
+
+
 @pytest.mark.parametrize(("starved", "runs_ahead"), [(WINDOW + 1, False), (WINDOW, True), (1, True)])
 def test_no_ray_runs_ahead_while_visits_of_nodes_wait(starved: int, runs_ahead: bool) -> None:
     """But it does where the node test was without a node within WINDOW cycles; it is `starved` cycles before it could.
@@ -207,40 +235,18 @@ def test_no_ray_runs_ahead_while_visits_of_nodes_wait(starved: int, runs_ahead: 
     asked: list[int] = []
 
     async def testbench(ctx: Any) -> None:
-        async def result(context: int, count: int, leaf: int) -> None:
-            """Of a node, whose children are `count` nodes, but leaves where `leaf` has a bit."""
-            ctx.set(dut.node.payload.context, context)
-            ctx.set(dut.node.payload.hits.count, count)
-            ctx.set(dut.node.payload.leaf, leaf)
-            ctx.set(dut.node.valid, 1)
-            await ctx.tick().until(dut.node.ready)
-            ctx.set(dut.node.valid, 0)
-
-        for port, value in ((dut.overlap, SMALL.overlap), (dut.levels, 2), (dut.root, 1), (dut.backlog, 1)):
-            ctx.set(port, value)
-        ctx.set(dut.time_read.time, (1 << TIME_BITS) - 1)
-        for slot in range(WIDTH):
-            ctx.set(dut.node.payload.hits.slot[slot], slot)
-        ctx.set(dut.start.valid, 1)
-        for context in range(SMALL.contexts):
-            await ctx.tick().until(dut.start.ready)
-            ctx.set(dut.started.valid, 1)
-            ctx.set(dut.started.context, context)
-        ctx.set(dut.start.valid, 0)
-        await ctx.tick()
-        ctx.set(dut.started.valid, 0)
-        await ctx.tick().repeat(20)
+        await rays_begin(ctx, dut, SMALL.contexts, levels=2)
         for context in (*others, ahead):
-            await result(context, 3, 0b1)  # to a leaf, with two nodes on the stack
+            await node_result(ctx, dut, context, 3, 0b1)  # to a leaf, with two nodes on the stack
         for context in others:
             ctx.set(dut.leaf.payload.context, context)
             ctx.set(dut.leaf.valid, 1)
-            await result(busy, 1, 0)
+            await node_result(ctx, dut, busy, 1, 0)
         ctx.set(dut.leaf.valid, 0)
         for cycle in range(30):
             ctx.set(dut.starved, cycle == 20 - starved)
             ctx.set(dut.backlog, cycle < 20)  # until visits wait for their turn
-            await result(busy, 1, 0)
+            await node_result(ctx, dut, busy, 1, 0)
         while ctx.get(dut.node_request.valid):
             asked.append(ctx.get(dut.node_request.payload.context))
             await ctx.tick()
@@ -263,31 +269,10 @@ def test_no_ray_runs_ahead_while_the_stacks_are_written() -> None:
         taken = []
 
         async def testbench(ctx: Any) -> None:
-            async def result(context: int, count: int, leaf: int) -> None:
-                ctx.set(dut.node.payload.context, context)
-                ctx.set(dut.node.payload.hits.count, count)
-                ctx.set(dut.node.payload.leaf, leaf)
-                ctx.set(dut.node.valid, 1)
-                await ctx.tick().until(dut.node.ready)
-                ctx.set(dut.node.valid, 0)
-
-            for port, value in ((dut.overlap, SMALL.overlap), (dut.levels, 1), (dut.root, 1), (dut.backlog, 1)):
-                ctx.set(port, value)
-            ctx.set(dut.time_read.time, (1 << TIME_BITS) - 1)
-            for slot in range(WIDTH):
-                ctx.set(dut.node.payload.hits.slot[slot], slot)
-            ctx.set(dut.start.valid, 1)
-            for context in (ahead, other):
-                await ctx.tick().until(dut.start.ready)
-                ctx.set(dut.started.valid, 1)
-                ctx.set(dut.started.context, context)
-            ctx.set(dut.start.valid, 0)
-            await ctx.tick()
-            ctx.set(dut.started.valid, 0)
+            await rays_begin(ctx, dut, 2, levels=1)
+            await node_result(ctx, dut, ahead, 3, 0b1)  # to a leaf, with two nodes on the stack
             await ctx.tick().repeat(20)
-            await result(ahead, 3, 0b1)  # to a leaf, with two nodes on the stack
-            await ctx.tick().repeat(20)
-            await result(other, children, 0b1)
+            await node_result(ctx, dut, other, children, 0b1)
             await ctx.tick()  # it is in front of the stacks
             ctx.set(dut.backlog, 0)
             while not (ctx.get(dut.node_request.valid) and ctx.get(dut.node_request.payload.context) == ahead):
