@@ -4,7 +4,6 @@ docs/emission.md describes every key.
 """
 
 import hashlib
-from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
 
@@ -60,8 +59,8 @@ def manifest(unit: str, config: Config, preset: str | None = None, verilog: str 
     """The manifest of one unit of the catalogue, ready for JSON; `verilog` is its text, `preset` the config's name."""
     component, described = CATALOGUE[unit](config), ALL[unit]
     payloads = {
-        "i__payload": fields(described.input, config.tag_width),
-        "o__payload": fields(described.output, config.tag_width),
+        "i__payload": fields(described.input, config.streams.tag_width),
+        "o__payload": fields(described.output, config.streams.tag_width),
     }
     shapes = {"clk": ("input", 1), "rst": ("input", 1)}
     shapes |= {
@@ -86,7 +85,7 @@ def manifest(unit: str, config: Config, preset: str | None = None, verilog: str 
             for name, (direction, width) in shapes.items()
         ],
         "preset": preset,
-        "config": asdict(config),
+        "config": config.flat(),
         "versions": {name: version(name) for name in PACKAGES},
     }
 

@@ -35,7 +35,6 @@ from lightloom.commands import (
     trace,
 )
 from lightloom.golden_model.host.errors import InputError, InputWarning
-from lightloom.rtl.config import ConfigError
 
 DIFFERENT, BAD_INPUT, OWN_FAULT, INTERRUPTED, TERMINATED = 1, 2, 70, 130, 143
 
@@ -119,7 +118,7 @@ def run(arguments: Sequence[str]) -> int:
             )
         sys.stdout.flush()
         return code or 0
-    except (InputError, ConfigError, typer.TyperException) as error:
+    except (InputError, typer.TyperException) as error:
         message = error.format_message() if isinstance(error, typer.TyperException) else str(error)
     except OSError as error:
         message = f"{error.filename or 'standard output'}: {error.strerror or error}"

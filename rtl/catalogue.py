@@ -28,23 +28,27 @@ from lightloom.rtl.traversal.array import traversal
 
 
 def _stream(core: Callable[[Config], Core]) -> Callable[[Config], StreamUnit]:
-    return lambda config: StreamUnit(core(config), config.tag_width)
+    return lambda config: StreamUnit(core(config), config.streams.tag_width)
 
 
 CATALOGUE: dict[str, Callable[[Config], wiring.Component]] = {
-    "float_add": _stream(lambda c: FloatAdd(c.add_depth)),
-    "float_multiply": _stream(lambda c: FloatMultiply(c.multiply_depth, blocks=c.multiplier_blocks)),
-    "float_difference_of_products": _stream(
-        lambda c: FloatDifferenceOfProducts(c.difference_of_products_depth, blocks=c.multiplier_blocks)
+    "float_add": _stream(lambda c: FloatAdd(c.operators.add_depth)),
+    "float_multiply": _stream(
+        lambda c: FloatMultiply(c.operators.multiply_depth, blocks=c.operators.multiplier_blocks)
     ),
-    "float_divide": _stream(lambda c: FloatDivide(c.divide_depth)),
-    "float_sqrt": _stream(lambda c: FloatSqrt(c.sqrt_depth)),
-    "float_compare": _stream(lambda c: FloatCompare(c.compare_depth)),
-    "float_minmax": _stream(lambda c: FloatMinmax(c.compare_depth)),
-    "float_to_half": _stream(lambda c: FloatToHalf(c.convert_depth)),
-    "half_to_float": _stream(lambda c: HalfToFloat(c.convert_depth)),
-    "float_to_fixed": _stream(lambda c: FloatToFixed(c.convert_depth)),
-    "fixed_to_float": _stream(lambda c: FixedToFloat(c.convert_depth)),
+    "float_difference_of_products": _stream(
+        lambda c: FloatDifferenceOfProducts(
+            c.operators.difference_of_products_depth, blocks=c.operators.multiplier_blocks
+        )
+    ),
+    "float_divide": _stream(lambda c: FloatDivide(c.operators.divide_depth)),
+    "float_sqrt": _stream(lambda c: FloatSqrt(c.operators.sqrt_depth)),
+    "float_compare": _stream(lambda c: FloatCompare(c.operators.compare_depth)),
+    "float_minmax": _stream(lambda c: FloatMinmax(c.operators.compare_depth)),
+    "float_to_half": _stream(lambda c: FloatToHalf(c.operators.convert_depth)),
+    "half_to_float": _stream(lambda c: HalfToFloat(c.operators.convert_depth)),
+    "float_to_fixed": _stream(lambda c: FloatToFixed(c.operators.convert_depth)),
+    "fixed_to_float": _stream(lambda c: FixedToFloat(c.operators.convert_depth)),
     "ray_setup": _stream(RaySetup),
     "ray_triangle": _stream(RayTriangle),
     "ray_triangle_half": _stream(RayTriangleHalf),

@@ -105,7 +105,7 @@ class BulkUnit:
             f"UNIT={self.unit.name}",
             f"INPUT_BITS={bitpack.width(self.unit.input)}",
             f"OUTPUT_BITS={bitpack.width(self.unit.output)}",
-            f"TAG_BITS={self.config.tag_width}",
+            f"TAG_BITS={self.config.streams.tag_width}",
             *(["STALLS"] if stalls else []),
         ]
         return verilated.build(

@@ -1,7 +1,6 @@
 """The Verilog of a unit, emitted once per source text and configuration, then kept: a large one takes half a minute."""
 
 import hashlib
-from dataclasses import asdict
 from importlib.metadata import version
 
 from lightloom.gen import verilog
@@ -14,7 +13,7 @@ from lightloom.sim import toolchain
 
 def emitted(unit: str, config: Config) -> str:
     """`gen.verilog.verilog_of`, from the cache where it holds the text (`sim.toolchain.cache_folder`)."""
-    recipe = [unit, repr(sorted(asdict(config).items())), *(version(name) for name in PACKAGES)]
+    recipe = [unit, repr(sorted(config.flat().items())), *(version(name) for name in PACKAGES)]
     recipe += [fingerprint(verilog.__name__)]
     key = hashlib.sha256("\0".join(recipe).encode()).hexdigest()[:16]
     kept = toolchain.cache_folder() / "verilog" / f"{unit}-{key}.v"

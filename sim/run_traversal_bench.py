@@ -1,7 +1,6 @@
 """Runs the traversal unit's bench, and the small unit that it is run on as a rule."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +19,7 @@ MODULES = ",".join(
 SEED = 2718
 TAGS = 14
 """Bits of a tag: every ray of a test has its own."""
-SMALL = replace(
-    PRESETS["tiny"],
+SMALL = PRESETS["tiny"].but(
     tag_width=TAGS,
     width=4,
     stack=6,
@@ -56,10 +54,10 @@ def run_traversal_bench(
     """
     text = emitted("traversal", config) if verilog is None else verilog
     description: dict[str, Any] = {"seed": SEED, "rays": rays, "few": few, "patience": patience}
-    description |= {name: getattr(config, name) for name in ("width", "stack", "overlap", "contexts", "units")}
+    description |= {name: config.flat()[name] for name in ("width", "stack", "overlap", "contexts", "units")}
     description["lines"] = {
-        "node": config.node_sets * config.node_ways,
-        "triangle": config.triangle_sets * config.triangle_ways,
+        "node": config.node_cache.lines,
+        "triangle": config.triangle_cache.lines,
     }
     return run_cocotb(
         "traversal",

@@ -180,8 +180,8 @@ def run_bench(
         "unit": unit,
         "operands": str(folder / "operands.npy"),
         "seed": seed,
-        "tag_width": config.tag_width,
-        "width": config.width,
+        "tag_width": config.streams.tag_width,
+        "width": config.tree.width,
         **{key: described[key] for key in ("latency", "initiation_interval")},
     }
     return run_cocotb(

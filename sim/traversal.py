@@ -89,7 +89,7 @@ class TraversalUnit:
         defines = {
             "QUERY_BITS": bitpack.width(RAY_QUERY),
             "RESULT_BITS": bitpack.width(RAY_RESULT),
-            "TAG_BITS": config.tag_width,
+            "TAG_BITS": config.streams.tag_width,
             "ADDRESS_BITS": ports["m_axi_araddr"],
             "AXI_BITS": ports["m_axi_rdata"],
             "ID_BITS": ports["m_axi_arid"],
@@ -147,7 +147,7 @@ class TraversalUnit:
                 f"{self._memory_bytes:,}; use a smaller scene"
             )
         options = {
-            "overlap": self.config.overlap if overlap is None else overlap,
+            "overlap": self.config.traversal.overlap if overlap is None else overlap,
             "latency": latency,
             "bandwidth": bandwidth,
             "reorder": reorder,

@@ -22,7 +22,7 @@ from tests import ROOT
 # What each room may import of ours, without "lightloom."; a part after a dot narrows it.
 MAY_IMPORT = {
     "golden_model": {"golden_model"},
-    "rtl": {"rtl", "golden_model.contract"},
+    "rtl": {"rtl", "golden_model.contract", "golden_model.host.errors", "golden_model.host.parameters"},
     "gen": {"gen", "rtl", "golden_model"},
     "sim": {"sim", "gen", "rtl.config", "golden_model", "verif.bins.coverage"},
     "verif": {"verif", "golden_model"},
@@ -45,6 +45,7 @@ FLOORS: dict[str, tuple[set[str], ...]] = {
         {"operators"},
         {"fabric"},
         {"config"},
+        {"blocks"},
     ),
 }
 """What lies in a room, by floors, the top first: an arrow leads from a floor to a lower one."""

@@ -13,7 +13,7 @@ from lightloom.rtl.fabric.layouts import layout_of
 from lightloom.rtl.fabric.pipeline import Core
 from lightloom.rtl.traversal.best_hits import BestHits
 
-SMALL = Config(contexts=4)
+SMALL = Config.of(contexts=4)
 
 
 class MixedCore(Core):
@@ -54,7 +54,7 @@ class Followed:
         component._ray_time = MixedCore()
         self.bench = bench = Bench(component)
         start, result = component.start, component.result
-        self.who = bench.constant("who", range(config.contexts))
+        self.who = bench.constant("who", range(config.traversal.contexts))
         self.begins = start.valid & (start.payload.context == self.who)
         self.comes = result.valid & (result.payload.context == self.who)
         # Results come where they were announced; their t is a number, and no unit makes a subnormal one.
@@ -141,7 +141,7 @@ def distance(config: Config) -> Bench:
         m.d.sync += [more.eq(~result.last), before.eq(result)]
     same_visit = (result.context == before.context) & (result.any_hit == before.any_hit)
     bench.assume(~component.result.valid | ~more | (result.last & same_visit))
-    starting = Signal(config.contexts)
+    starting = Signal(config.traversal.contexts)
     running = Signal()
     visits = Signal(4)
     m.d.sync += [
@@ -166,12 +166,12 @@ def distance(config: Config) -> Bench:
         asked = followed.asked(port, f"time{k}", when=running & quiet)
         bench.require(f"distance{k}", ~asked | (port.time == expected))
     # A start waits for those before it, and for cycles without a better hit.
-    waited = Signal(range(component.start_latency + config.contexts + 2))
+    waited = Signal(range(component.start_latency + config.traversal.contexts + 2))
     with m.If(followed.begins | ~starting.bit_select(followed.who, 1)):
         m.d.sync += waited.eq(0)
     with m.Elif(~bench.inner("better")):
         m.d.sync += waited.eq(waited + 1)
-    bench.require("starts", waited < component.start_latency + config.contexts)
+    bench.require("starts", waited < component.start_latency + config.traversal.contexts)
     bench.require("started_once", ~is_started | starting.bit_select(followed.who, 1))
 
     # The end of a visit comes a fixed time after its last result, and says what its results said.

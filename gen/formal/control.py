@@ -13,7 +13,7 @@ from lightloom.rtl.traversal.popped_visits import POPS
 from lightloom.rtl.traversal.records import ADDRESS_BITS, node_result, push_list
 from lightloom.rtl.traversal.stacks import LISTS
 
-SMALL = Config(contexts=4, overlap=2, stack=4)
+SMALL = Config.of(contexts=4, overlap=2, stack=4)
 
 
 def life(config: Config) -> Bench:
@@ -64,7 +64,7 @@ def stack(config: Config, ray: Followed, places: Places) -> Signal:
     emptied = ray.fails.any() | ray.hits | ray.begins_again
     m.d.comb += more.eq(Mux(ray.puts, put.last - put.first + 1, 0))
     m.d.sync += [entries.eq(Mux(emptied, 0, entries - takes + more)), top.eq(entries - 1)]
-    bench.require("stack_in_bounds", entries + more <= config.stack)
+    bench.require("stack_in_bounds", entries + more <= config.traversal.stack)
     bench.require("takes_what_is_there", ~takes | (entries != 0))
     bench.require("takes_the_top", ~reads | (bench.inner("pops/read__position") == top))
     bench.require("takes_what_is_written", ~reads | (places.lists == 0))
@@ -78,14 +78,14 @@ def decision(config: Config, ray: Followed, entries: Value) -> None:
     """What the result of a node leads to, by docs/wide_traversal.md: its nearest child is asked for, the rest put down.
     All of it if `levels` places are left then, else one entry; and where that has no place the ray begins again."""
     bench = ray.bench
-    node = data.View(node_result(config), bench.inner("decision/results/first")[: -config.contexts])
+    node = data.View(node_result(config), bench.inner("decision/results/first")[: -config.traversal.contexts])
     put = data.View(push_list(config), bench.inner("decision/push__payload"))
     takes = bench.inner("decision/results/o__valid") & bench.inner("decision/push__ready")
     goes = takes & ray.mine(node.context) & ~ray.ended & ~ray.due
     good = goes & (node.error == 0)
     rest = node.hits.count - node.rank - 1
-    all_of_it = entries + rest + ray.component.levels <= config.stack
-    full = ~all_of_it & (entries == config.stack)
+    all_of_it = entries + rest + ray.component.levels <= config.traversal.stack
+    full = ~all_of_it & (entries == config.traversal.stack)
     stops = good & (rest > 0) & full
     bench.require("error_fails", ~goes | (node.error == 0) | ray.fails[0])
     bench.require("full_stack_begins_again", ray.begins_again == (stops & ~ray.bit("strict")))
@@ -121,9 +121,9 @@ def invariant(config: Config, ray: Followed, places: Places, visits: Value, entr
     bench.require("failing_bit", ray.bit("failing") == ray.told.any())
     bench.require("by_leaf_bit", ray.bit("by_leaf") == (ray.told == 0b10))
     bench.require("told_and_ended", ~ray.told.any() | ray.ended)
-    bench.require("outstanding_count", ray.count("outstanding", config.overlap) == visits)
+    bench.require("outstanding_count", ray.count("outstanding", config.traversal.overlap) == visits)
     bench.require("pending_count", ray.count("pending", LISTS) == places.lists)
-    bench.require("height_count", ray.count("height", config.stack) == entries)
+    bench.require("height_count", ray.count("height", config.traversal.stack) == entries)
 
     nothing = (visits == 0) & (places.lists == 0) & (entries == 0)
     bench.require("idle_is_empty", active | (nothing & ~restart & ~ray.due & ~(fresh & (ray.begun | ~taken))))
@@ -141,7 +141,8 @@ def invariant(config: Config, ray: Followed, places: Places, visits: Value, entr
     # Shared: a context is kept for the next ray; visits on their way have their places; decoded masks.
     reserved, number = bench.inner("free_contexts/reserved"), bench.inner("free_contexts/reserved_number")
     bench.require(
-        "reserved_one", reserved == Mux(bench.inner("free_contexts/reserved_valid"), 1 << number, 0)[: config.contexts]
+        "reserved_one",
+        reserved == Mux(bench.inner("free_contexts/reserved_valid"), 1 << number, 0)[: config.traversal.contexts],
     )
     bench.require("reserved_free", ~ray.bit("free_contexts/reserved") | ~taken)
     steps = [bench.inner(f"pops/{name}_valid") for name in ("asked", "read", "visit")]
@@ -150,8 +151,11 @@ def invariant(config: Config, ray: Followed, places: Places, visits: Value, entr
     (first, _), (second, _) = places.buffered
     bench.require("first_before_second", first | ~second)
     for place, (there, word) in enumerate(places.buffered):
-        node, mask = data.View(node_result(config), word[: -config.contexts]), word[-config.contexts :]
-        bench.require(f"mask{place}", ~there | (mask == (1 << node.context)[: config.contexts]))
+        node, mask = (
+            data.View(node_result(config), word[: -config.traversal.contexts]),
+            word[-config.traversal.contexts :],
+        )
+        bench.require(f"mask{place}", ~there | (mask == (1 << node.context)[: config.traversal.contexts]))
         bench.require(f"children{place}", ~there | (node.hits.count <= MOST_CHILDREN))
 
 
@@ -166,7 +170,9 @@ def covers(config: Config, ray: Followed, entries: Value) -> None:
     ):
         bench.narrow(~valid | ray.mine(context))
     result = node.payload
-    bench.narrow((ray.who == 0) & (component.levels == 1) & (ray.limit == config.overlap) & component.finished.ready)
+    bench.narrow(
+        (ray.who == 0) & (component.levels == 1) & (ray.limit == config.traversal.overlap) & component.finished.ready
+    )
     bench.narrow(Cat(component.root, result.base, result.address, Value.cast(result.hits.slot)) == 0)
     bench.narrow(Cat(entry == 1 for entry in result.hits.entry).all())
     bench.narrow(~ray.taken | ~component.start.valid)
@@ -184,7 +190,7 @@ def covers(config: Config, ray: Followed, entries: Value) -> None:
     reach("dropped_beyond_the_hit", dropped & ~ray.ended & ~ray.due)
     reach("dropped_after_the_end", dropped & ray.ended)
     reach("asks_after_the_end", (ray.asks_node | ray.asks_leaf) & ray.ended)
-    reach("full_stack", entries == config.stack)
+    reach("full_stack", entries == config.traversal.stack)
     reach("begins_again", ray.begins_again)
     reach("root_again", ray.root & ray.due)
     reach("finished_again", ray.finishes & ray.again & ~ray.told.any())

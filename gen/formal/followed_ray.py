@@ -6,7 +6,6 @@ from lightloom.gen.formal.bench import Bench
 from lightloom.gen.formal.queues import FifoInside
 from lightloom.rtl.config import Config
 from lightloom.rtl.traversal.control import Control
-from lightloom.rtl.traversal.records import context_bits
 
 MOST_CHILDREN = 8
 
@@ -28,14 +27,14 @@ class Followed:
     """
 
     def __init__(self, config: Config):
-        self.stack = config.stack
+        self.stack = config.traversal.stack
         self.component = component = Control(config)
         self.bench = bench = Bench(component)
-        self.who = bench.constant("who", range(config.contexts))
+        self.who = bench.constant("who", range(config.traversal.contexts))
         self.taken, self.begun, self.done, self.ended, self.due, self.again = (
             Signal(name=f"ray_{name}") for name in ("taken", "begun", "done", "ended", "due", "again")
         )
-        most = range(config.overlap + 2)
+        most = range(config.traversal.overlap + 2)
         self.nodes, self.leaves = (Signal(most, name=f"{name}_out") for name in ("nodes", "leaves"))
         self.told = Signal(2)
         node, leaf, start = component.node, component.leaf, component.start
@@ -67,8 +66,8 @@ class Followed:
             self.again.eq((self.again | (self.root & self.due)) & ~self.starts),
         ]
         self._assume(begins, frees)
-        self.limit = Signal(range(config.overlap + 1))
-        few = Mux(component.overlap > config.overlap, config.overlap, component.overlap)
+        self.limit = Signal(range(config.traversal.overlap + 1))
+        few = Mux(component.overlap > config.traversal.overlap, config.traversal.overlap, component.overlap)
         bench.m.d.comb += self.limit.eq(Mux(few == 0, 1, few))
 
     def _assume(self, begins: Value, frees: Value) -> None:
@@ -108,7 +107,7 @@ class Places:
     """
 
     def __init__(self, config: Config, ray: Followed):
-        bench, bits = ray.bench, context_bits(config)
+        bench, bits = ray.bench, config.traversal.context_bits
         self.pops = [
             FifoInside(bench, f"pops/{kind}", f"popped_{kind}", buffered=False) for kind in ("nodes", "leaves")
         ]

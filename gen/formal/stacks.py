@@ -9,7 +9,7 @@ from lightloom.rtl.config import Config
 from lightloom.rtl.traversal.records import STACK_ENTRY
 from lightloom.rtl.traversal.stacks import LISTS, Stacks
 
-SMALL = Config(contexts=4, overlap=2, stack=4)
+SMALL = Config.of(contexts=4, overlap=2, stack=4)
 KINDS = data.StructLayout({"a_full_list": 1, "one_below_the_top": 1, "what_replaced_another": 1})
 
 
@@ -19,7 +19,7 @@ def entries(config: Config) -> Bench:
     bench = Bench(component)
     m, push, item, read, written = bench.m, component.push, component.push.payload, component.read, component.written
     who = bench.constant("who", len(item.context))
-    place = bench.constant("place", range(config.stack))
+    place = bench.constant("place", range(config.traversal.stack))
     pending = Signal(range(LISTS + 2))  # lists of this stack that are not written yet
     known = Signal()
     stored = Signal(STACK_ENTRY)
@@ -27,7 +27,7 @@ def entries(config: Config) -> Bench:
     # Whoever uses them never fills a stack beyond its end, and reads what is written.
     top = Signal(8)
     m.d.comb += top.eq(item.height + (item.last - item.first))
-    bench.assume(~push.valid | ((item.first <= item.last) & (top < config.stack)))
+    bench.assume(~push.valid | ((item.first <= item.last) & (top < config.traversal.stack)))
     bench.assume(~push.valid | ~item.again | (item.first == item.last))
     reads = read.en & (read.context == who) & (read.position == place)
     bench.assume(~reads | (known & (pending == 0)))
@@ -51,7 +51,7 @@ def entries(config: Config) -> Bench:
         m.d.sync += [
             known.eq(1),
             stored.eq(expected),
-            kinds.a_full_list.eq(item.last - item.first == config.stack - 1),
+            kinds.a_full_list.eq(item.last - item.first == config.traversal.stack - 1),
             kinds.one_below_the_top.eq(place != top),
             kinds.what_replaced_another.eq(known),
         ]

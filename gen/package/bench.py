@@ -27,7 +27,7 @@ def stream_bench(unit: Mapping[str, Any], config: Config, operands: np.ndarray) 
     """
     name = unit["unit"]
     operands = operands[: len(operands) // 4 * 4]
-    results = model_results(name, operands, config.width)
+    results = model_results(name, operands, config.tree.width)
     bench = render(
         "package_testbench.v",
         **_shared(unit, operands, results),
@@ -41,14 +41,14 @@ def traversal_bench(unit: Mapping[str, Any], config: Config) -> dict[str, bytes]
     """Testbench, vectors and memory image of a traversal unit: file name to content."""
     name, rng = unit["unit"], np.random.default_rng(SEED)
     triangles = _soup(rng)
-    tree = build_wide(triangles, width=config.width, max_levels=config.stack).blocks
+    tree = build_wide(triangles, width=config.tree.width, max_levels=config.traversal.stack).blocks
     queries = queries_of(
         adversarial_rays(triangles, RAYS, SEED),
         any_hit=rng.random(RAYS) < 0.4,
         cull=rng.random(RAYS) < 0.25,
         mask=rng.choice(np.array([0xFF, 0x01, 0], dtype=np.uint8), RAYS, p=[0.85, 0.1, 0.05]),
     )
-    results, counts = trace_tree(tree, queries, width=config.width, stack=config.stack, backend="numpy")
+    results, counts = trace_tree(tree, queries, width=config.tree.width, stack=config.traversal.stack, backend="numpy")
     image = pack_image({"bvh": tree})
     first = int(np.frombuffer(image, dtype=SECTION, count=1, offset=BLOCK_BYTES)["first"][0])
     ports = {port["name"]: port["width"] for port in unit["ports"]}
@@ -60,7 +60,7 @@ def traversal_bench(unit: Mapping[str, Any], config: Config) -> dict[str, bytes]
         axi=[port for port in unit["ports"] if port["name"].startswith("m_axi_")],
         base=first * BLOCK_BYTES,
         memory_bits=max(len(image) - 1, 1 << 12).bit_length(),
-        overlap=config.overlap,
+        overlap=config.traversal.overlap,
         golden_counts={count: int(counts[count].sum()) for count in COUNTS.names or ()},
         errors=int((results["error"] != 0).sum()),
     )

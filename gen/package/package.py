@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -104,7 +103,7 @@ def _manifest(
     return {
         "preset": preset,
         "clock_ns": clock,
-        "config": asdict(config),
+        "config": config.flat(),
         "versions": {name: version(name) for name in PACKAGES},
         "units": [{key: unit[key] for key in keys} for unit in manifests],
         "files": {

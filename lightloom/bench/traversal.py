@@ -5,7 +5,7 @@ visit at a time, its counts too. What is measured depends on the seed alone, but
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from itertools import product
 from pathlib import Path
@@ -167,7 +167,7 @@ def _units(sweep: Sweep, units: int) -> Iterator[Row]:
 def _identity(sweep: Sweep, width: int) -> Iterator[Row]:
     config = _config(sweep, width=width, contexts=sweep.contexts[0])
     for scene, (name, options) in product(sweep.scenes, CONDITIONS.items()):
-        blocks, queries = _tree(scene, width, config.stack), _mixed_queries(scene, sweep.identity_rays)
+        blocks, queries = _tree(scene, width, config.traversal.stack), _mixed_queries(scene, sweep.identity_rays)
         run, different, counts = _run(config, blocks, queries, **options)
         strict = options.get("overlap") == 1
         yield {
@@ -186,20 +186,20 @@ def _identity(sweep: Sweep, width: int) -> Iterator[Row]:
 
 def _measured(config: Config, scene: str, rays: int, latency: int, order: str = "random") -> Row:
     """One row: a run of diffuse rays, closest hit, all sides free."""
-    blocks = _tree(scene, config.width, config.stack)
+    blocks = _tree(scene, config.tree.width, config.traversal.stack)
     queries = queries_of(ORDERS[order](_triangles(scene), rays, SEED))
     run, different, counts = _run(config, blocks, queries, latency=latency)
     count = run.counters
-    cycles = run.cycles * config.units
+    cycles = run.cycles * config.traversal.units
     golden = {name: int(counts[name].sum()) for name in ("node_tests", "triangle_tests")}
     # The cycles that the busier of the two test units needs for what the algorithm asks for; tests that the unit makes
     # beyond that, because a ray runs ahead of its own hits, do not count.
-    needed = max(golden["node_tests"], golden["triangle_tests"] * config.triangle_interval)
+    needed = max(golden["node_tests"], golden["triangle_tests"] * config.triangle_test.interval)
     return {
         "scene": Path(scene).stem,
-        "units": config.units,
-        "width": config.width,
-        "contexts": config.contexts,
+        "units": config.traversal.units,
+        "width": config.tree.width,
+        "contexts": config.traversal.contexts,
         "latency": latency,
         "order": order,
         "rays": rays,
@@ -215,7 +215,7 @@ def _measured(config: Config, scene: str, rays: int, latency: int, order: str = 
             for state in ("busy", "starved", "stalled")
         },
         **{f"{cache}_hits": _hit_rate(count, cache) for cache in ("node", "triangle")},
-        "bytes_per_ray": run.beats * config.axi_width / 8 / rays,
+        "bytes_per_ray": run.beats * config.memory.axi_width / 8 / rays,
         "mismatches": different,
         "cycles_per_second": run.throughput,
     }
@@ -232,7 +232,7 @@ def _run(
 ) -> tuple[TraversalRun, int, np.ndarray]:
     """A run, the number of rays whose results differ from the golden model in any bit, and the golden COUNTS."""
     run = _unit(config, memory_bits(blocks)).run(blocks, queries, **options)
-    expected, counts = trace_tree(blocks, queries, width=config.width, stack=config.stack)
+    expected, counts = trace_tree(blocks, queries, width=config.tree.width, stack=config.traversal.stack)
     return run, int((~bitpack.equal(run.results, expected)).sum()), counts
 
 
@@ -243,8 +243,8 @@ def _count_mismatches(run: TraversalRun, counts: np.ndarray) -> int:
 
 def _config(sweep: Sweep, *, units: int = 1, **fields: Any) -> Config:
     """The preset with other parameters, and a tag with room for twice the rays that may be inside."""
-    config = replace(PRESETS[sweep.preset], units=units, **dict(sweep.settings) | fields)
-    return replace(config, tag_width=max(config.tag_width, (2 * config.contexts * units - 1).bit_length()))
+    config = PRESETS[sweep.preset].but(units=units, **dict(sweep.settings) | fields)
+    return config.but(tag_width=max(config.streams.tag_width, (2 * config.traversal.contexts * units - 1).bit_length()))
 
 
 @lru_cache(maxsize=8)

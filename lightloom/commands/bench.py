@@ -7,7 +7,9 @@ from typing import Annotated, Any
 import typer
 
 from lightloom.bench.suite import BENCHMARKS, Sizes, summary
-from lightloom.rtl.config import PARAMETERS, ConfigError, described
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.parameters import described
+from lightloom.rtl.config import PARAMETERS
 from lightloom.shared.inputs import at_least, choose, whole_numbers
 from lightloom.shared.options import Json
 
@@ -69,7 +71,6 @@ def bench(
     ] = False,
     json: Json = False,
 ) -> None:
-    from lightloom.golden_model.host.errors import InputError
     from lightloom.shared.console import Progress, print_json, print_table
     from lightloom.shared.provenance import machine, versions
 
@@ -113,7 +114,6 @@ def _sweep(
 ) -> Any:
     """The `Sweep` that is asked for: the quick or the full one, with what is given in its place."""
     from lightloom.bench.traversal import SWEPT, default_sweep
-    from lightloom.golden_model.host.errors import InputError
     from lightloom.rtl.config import PRESETS
 
     given: dict[str, Any] = {"preset": choose(preset, PRESETS, "preset")}
@@ -136,8 +136,6 @@ def _sweep(
 
 def _setting(text: str) -> tuple[str, int]:
     """'node_sets=128' to ('node_sets', 128)."""
-    from lightloom.golden_model.host.errors import InputError
-
     name, equals, value = text.partition("=")
     if name in NUMBERS:
         raise InputError(f"--set {text}: {name} has an option of its own; give it as --{name} {value}".rstrip())
@@ -148,7 +146,7 @@ def _setting(text: str) -> tuple[str, int]:
         raise InputError(f"--set {text}: give a name and a value, such as node_sets=128")
     try:
         return name, PARAMETERS[name].parsed(value)
-    except ConfigError as error:
+    except InputError as error:
         raise InputError(f"--set {text}: {error}") from error
 
 

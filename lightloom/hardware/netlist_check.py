@@ -34,7 +34,7 @@ def check(measured: Measured, source: Source, count: int, seed: int) -> Check:
     operands = many_vectors(unit.name, count, seed)
     config = PRESETS[measured.preset]
     results = BulkUnit(unit.name, config, verilog=text, netlist=True).run(operands, stall_seed=seed + 1)
-    return compare(operands, results, model_results(unit.name, operands, config.width))
+    return compare(operands, results, model_results(unit.name, operands, config.tree.width))
 
 
 def compare(operands: np.ndarray, results: np.ndarray, expected: np.ndarray) -> Check:

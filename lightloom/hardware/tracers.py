@@ -45,7 +45,7 @@ def rtl_tracer(triangles: np.ndarray) -> Tracer:
     from lightloom.sim.traversal import TraversalError, TraversalUnit, memory_bits
 
     config = PRESETS["base"]
-    blocks = build_wide(triangles, width=config.width, max_levels=config.stack).blocks
+    blocks = build_wide(triangles, width=config.tree.width, max_levels=config.traversal.stack).blocks
     unit = TraversalUnit(config, memory_bits=memory_bits(blocks))
 
     def tracer(rays: np.ndarray, *, any_hit: bool, advance: Callable[[float], None]) -> np.ndarray:

@@ -9,7 +9,7 @@ from typing import Any
 from typer.main import get_command
 
 from lightloom.cli import app
-from lightloom.rtl.config import PARAMETERS, PRESETS
+from lightloom.rtl.config import PARAMETERS, PLACES, PRESETS
 
 WIDTH = 100
 
@@ -57,11 +57,10 @@ def _help(context: Any) -> str:
 
 def parameters() -> str:
     """Every field of the hardware's configuration: what it may be, what it is in each preset, what it is for."""
-    rows = [["parameter", "may be", *PRESETS, "is"], ["---"] * (3 + len(PRESETS))]
+    rows = [["parameter", "of `Config`", "may be", *PRESETS, "is"], ["---"] * (4 + len(PRESETS))]
     for name, each in PARAMETERS.items():
-        rows.append(
-            [f"`{name}`", each.allowed, *(str(getattr(config, name)) for config in PRESETS.values()), each.says]
-        )
+        values = [str(config.flat()[name]) for config in PRESETS.values()]
+        rows.append([f"`{name}`", f"`{'.'.join(PLACES[name])}`", each.allowed, *values, each.says])
     return "\n".join("| " + " | ".join(row) + " |" for row in rows)
 
 

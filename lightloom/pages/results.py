@@ -184,7 +184,7 @@ def gates(reports: Sequence[Report]) -> Iterator[str]:
             f"{row['unit']}, {row['preset']}",
             row["logic_gates"] / 1000,
             row["gates"] / 1000,
-            what[row["unit"]].format(PRESETS[row["preset"]].width) + " a cycle",
+            what[row["unit"]].format(PRESETS[row["preset"]].tree.width) + " a cycle",
         )
         for row in rows
         if row["unit"] in what

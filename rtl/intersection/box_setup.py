@@ -1,7 +1,6 @@
 """What the box test needs of a ray; `golden_model.tracing.wide_bvh.box_setup` explains it."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 from amaranth import Cat, Const, Mux, Value
@@ -9,14 +8,12 @@ from amaranth import Cat, Const, Mux, Value
 from lightloom.golden_model.contract.formats import BOX_FRACTION, LATTICE_BITS, POSITION_BITS, SCALE_BIAS, SLOPE_BITS
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.dataflow import Dataflow, DataflowCore, Node
-from lightloom.rtl.fabric.float_format import FLOAT32, INFINITY
+from lightloom.rtl.fabric.float_format import INFINITY
 from lightloom.rtl.fabric.pipeline import balanced_cuts
 from lightloom.rtl.intersection.float_flow import FloatFlow, exponent
 from lightloom.rtl.intersection.ray_setup import canonical
 from lightloom.rtl.intersection.ray_time import aligned, floor, rounded_both_ways
 from lightloom.rtl.intersection.ray_triangle import select
-from lightloom.rtl.operators.float_add import FloatAdd
-from lightloom.rtl.operators.float_multiply import FloatMultiply
 
 PAD = 21
 UNDERFLOW = -26
@@ -25,16 +22,6 @@ STEEPEST = 27
 COARSEST = 31
 REACH = 126 + LATTICE_BITS
 """An origin whose biased exponent is above this plus the lattice's makes the ray coarse."""
-
-
-def add_depth(config: Config) -> int:
-    """Stages of a subtractor here."""
-    return min(config.add_depth + 1, len(FloatAdd.steps(FLOAT32)))
-
-
-def multiply_depth(config: Config) -> int:
-    """Stages of a multiplier here."""
-    return min(config.multiply_depth + 1, len(FloatMultiply.steps(FLOAT32)))
 
 
 class BoxSetup(DataflowCore):
@@ -59,8 +46,8 @@ class BoxSetup(DataflowCore):
         lattice_origin: list[Node],
         lattice_exponent: Node,
     ) -> Mapping[str, Any]:
-        f = FloatFlow(flow, replace(config, add_depth=add_depth(config), multiply_depth=multiply_depth(config)))
-        cuts = balanced_cuts((1, 1), config.convert_depth)
+        f = FloatFlow(flow, config.operators.deeper)
+        cuts = balanced_cuts((1, 1), config.operators.convert_depth)
 
         moved = [f.subtract(f"moved{k}", origin[k], lattice_origin[k]) for k in range(3)]
         greatest = flow.logic("greatest", greatest_exponent, *moved, stage=True)

@@ -24,7 +24,7 @@ def sum_of_magnitudes(flow: Dataflow, config: Config, name: str, a: Node, b: Nod
     Takes up to four register stages; without `stage` the last is left to the caller.
     """
     steps: list[Callable[..., Value]] = [ordered, aligned, added, rounded]
-    cuts = balanced_cuts([1] * len(steps), min(config.add_depth, len(steps)))
+    cuts = balanced_cuts([1] * len(steps), min(config.operators.add_depth, len(steps)))
     operands = [a, b]
     for index, step in enumerate(steps[:-1]):
         operands = [flow.logic(f"{name}_{step.__name__}", step, *operands, stage=index in cuts)]
@@ -85,8 +85,8 @@ def reciprocal(flow: Dataflow, config: Config, name: str, x: Node, sign: Node) -
     in (1/2, 1]; for m above 1 its first bit is a one, and it is never a tie, so the guard bit alone decides. For m = 1
     the same steps give nothing but ones, which round to 1.
     """
-    cycles = cycles_of(config)
-    stage = config.reciprocal_depth > 0
+    cycles = config.operators.reciprocal_cycles
+    stage = config.operators.reciprocal_depth > 0
     divisor = flow.logic(f"{name}_divisor", lambda x: Cat(x[:23], Const(1, 1)), x)
     # Wraps where x is infinite or not a number: to an exponent that is unusable.
     biased = flow.logic(f"{name}_exponent", lambda x: (253 - exponent(x))[:8], x)
@@ -113,11 +113,6 @@ def reciprocal(flow: Dataflow, config: Config, name: str, x: Node, sign: Node) -
         return Cat((Cat(quotient[1:], exponent) + quotient[0])[:31], sign)
 
     return flow.logic(name, rounded_quotient, state, biased, sign, stage=stage)
-
-
-def cycles_of(config: Config) -> int:
-    """Cycles in which digits are found, the same number in each; one more rounds."""
-    return max(config.reciprocal_depth - 1, 1)
 
 
 def is_usable(reciprocal: Value) -> Value:

@@ -4,7 +4,7 @@
 
 from amaranth import Value
 
-from lightloom.rtl.config import Config
+from lightloom.rtl.blocks import Operators
 from lightloom.rtl.fabric.dataflow import Dataflow, Node
 from lightloom.rtl.operators.float_add import FloatAdd
 from lightloom.rtl.operators.float_compare import FloatCompare
@@ -16,33 +16,33 @@ ONE = 0x3F800000
 
 
 class FloatFlow:
-    """Places operators of a configuration's depths into a dataflow; `name` names the submodule."""
+    """Places operators into a dataflow; `name` names the submodule."""
 
-    def __init__(self, flow: Dataflow, config: Config):
+    def __init__(self, flow: Dataflow, operators: Operators):
         self._flow = flow
-        self._config = config
+        self._operators = operators
 
     def add(self, name: str, a: Node, b: Node) -> Node:
-        return self._flow.apply(name, FloatAdd(self._config.add_depth), a=a, b=b, subtract=0)["z"]
+        return self._flow.apply(name, FloatAdd(self._operators.add_depth), a=a, b=b, subtract=0)["z"]
 
     def subtract(self, name: str, a: Node, b: Node) -> Node:
-        return self._flow.apply(name, FloatAdd(self._config.add_depth), a=a, b=b, subtract=1)["z"]
+        return self._flow.apply(name, FloatAdd(self._operators.add_depth), a=a, b=b, subtract=1)["z"]
 
     def multiply(self, name: str, a: Node, b: Node) -> Node:
-        core = FloatMultiply(self._config.multiply_depth, blocks=self._config.multiplier_blocks)
+        core = FloatMultiply(self._operators.multiply_depth, blocks=self._operators.multiplier_blocks)
         return self._flow.apply(name, core, a=a, b=b)["z"]
 
     def difference_of_products(self, name: str, a: Node, b: Node, c: Node | int, d: Node | int) -> Node:
-        depth, blocks = self._config.difference_of_products_depth, self._config.multiplier_blocks
+        depth, blocks = self._operators.difference_of_products_depth, self._operators.multiplier_blocks
         core = FloatDifferenceOfProducts(depth, blocks=blocks)
         return self._flow.apply(name, core, a=a, b=b, c=c, d=d)["z"]
 
     def reciprocal(self, name: str, a: Node) -> Node:
-        return self._flow.apply(name, FloatDivide(self._config.divide_depth), a=ONE, b=a)["z"]
+        return self._flow.apply(name, FloatDivide(self._operators.divide_depth), a=ONE, b=a)["z"]
 
     def compare(self, name: str, a: Node, b: Node) -> dict[str, Node]:
         """Nodes `less`, `equal`, `greater`, `unordered`."""
-        return self._flow.apply(name, FloatCompare(self._config.compare_depth), a=a, b=b)
+        return self._flow.apply(name, FloatCompare(self._operators.compare_depth), a=a, b=b)
 
 
 # Predicates over the bits of a result of an operator (subnormals are flushed already).

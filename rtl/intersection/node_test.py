@@ -15,7 +15,7 @@ from lightloom.rtl.intersection.box_axis import TRUE, Steps, distances, pick
 class NodeTest(DataflowCore):
     """One node a cycle. Multipliers: 6 of 26x18 bits, in two rows each; 6 of 8x12 or 8x13 bits a box.
 
-    `config.node_test_depth` register stages. Children in slots from `config.width` on do not count.
+    `config.node_test.depth` register stages. Children in slots from `config.tree.width` on do not count.
     """
 
     unit_name = "node_test"
@@ -39,7 +39,7 @@ class NodeTest(DataflowCore):
         origin: list[Node],
         **planes: list[Node],
     ) -> Mapping[str, Any]:
-        step = Steps(self._graph, flow, config.node_test_depth)
+        step = Steps(self._graph, flow, config.node_test.depth)
         near: list[list[Node]] = []  # (axis, slot): times at which the ray meets the planes
         far: list[list[Node]] = []
         for k, axis in enumerate("xyz"):
@@ -55,14 +55,14 @@ class NodeTest(DataflowCore):
                 coarseness=coarseness,
                 exponent=exponent[k],
                 origin=origin[k],
-                lower=planes[f"lower_{axis}"][: config.width],
-                upper=planes[f"upper_{axis}"][: config.width],
-                blocks=config.multiplier_blocks,
+                lower=planes[f"lower_{axis}"][: config.tree.width],
+                upper=planes[f"upper_{axis}"][: config.tree.width],
+                blocks=config.operators.multiplier_blocks,
             )
             near.append(first)
             far.append(last)
         entry, leave = [], []
-        for slot in range(config.width):
+        for slot in range(config.tree.width):
             x, y, z = (distance[slot] for distance in near)
             earlier, later = step(10, f"entry_xy{slot}", greater, x, y), step(10, f"entry_z{slot}", greater, z, t_min)
             entry.append(step(11, f"entry{slot}", entered, earlier, later, blind))

@@ -20,7 +20,7 @@ class RaySetup(DataflowCore):
     def compute(
         self, flow: Dataflow, config: Config, *, origin: list[Node], direction: list[Node], t_min: Node, t_max: Node
     ) -> Mapping[str, Any]:
-        f = FloatFlow(flow, config)
+        f = FloatFlow(flow, config.operators)
         # Registers where choices meet long logic; those before the reciprocals are done cost no latency.
         axis = flow.logic("axis", dominant_axis, *direction, stage=True)
         flip = flow.logic("flip", lambda axis, x, y, z: select(axis, x, y, z)[31], axis, *direction)

@@ -28,12 +28,12 @@ class RayTime(DataflowCore):
     unit_name = "ray_time"
 
     def compute(self, flow: Dataflow, config: Config, *, t: Node, rate: Node, scale: Node) -> Mapping[str, Any]:
-        return rounded_both_ways(flow, config, FloatFlow(flow, config).multiply("scaled", t, rate), scale)
+        return rounded_both_ways(flow, config, FloatFlow(flow, config.operators).multiply("scaled", t, rate), scale)
 
 
 def rounded_both_ways(flow: Dataflow, config: Config, product: Node, scale: Node) -> dict[str, Node]:
     """`low` and `high` of t * rate, an operator's result; `convert_depth` stages."""
-    cuts = balanced_cuts((1, 1), config.convert_depth)
+    cuts = balanced_cuts((1, 1), config.operators.convert_depth)
     distance = flow.logic("distance", aligned, product, scale, stage=0 in cuts)
     sign = flow.logic("distance_sign", lambda x: x[31], product)
     unknown = flow.logic("distance_unknown", lambda x: ~is_finite(x), product)

@@ -32,7 +32,7 @@ class RayTriangle(DataflowCore):
         t_min: Node,
         t_max: Node,
     ) -> Mapping[str, Any]:
-        f = FloatFlow(flow, config)
+        f = FloatFlow(flow, config.operators)
         sx, sy, sz = shear
 
         # The axes are permuted after the vertex is moved to the origin: the origin then needs no multiplexers.

@@ -19,12 +19,12 @@ from lightloom.rtl.traversal.unit import Traversal
 
 
 def traversal(config: Config) -> wiring.Component:
-    """`config.units` traversal units behind the ports of one."""
-    return Traversal(config) if config.units == 1 else TraversalArray(config)
+    """`config.traversal.units` traversal units behind the ports of one."""
+    return Traversal(config) if config.traversal.units == 1 else TraversalArray(config)
 
 
 class TraversalArray(wiring.Component):
-    """`config.units` units, at least two, with the ports of one (`rtl.traversal.unit`).
+    """`config.traversal.units` units, at least two, with the ports of one (`rtl.traversal.unit`).
 
     A ray goes to a unit that is ready, results come from one that has one, both in turn. Results pass a buffer, and so
     do the memory port's channels: a cycle each. `loaded` is high when all units have loaded the tree, `load_error` is
@@ -33,26 +33,26 @@ class TraversalArray(wiring.Component):
     """
 
     def __init__(self, config: Config):
-        if config.units < 2:
-            raise ValueError(f"an array has at least two units, not {config.units}")
-        self._units = [Traversal(config) for _ in range(config.units)]
+        if config.traversal.units < 2:
+            raise ValueError(f"an array has at least two units, not {config.traversal.units}")
+        self._units = [Traversal(config) for _ in range(config.traversal.units)]
         unit = self._units[0]
         axi = unit.m_axi.signature
         self._arbiter = AxiReadArbiter(
-            config.units,
-            reads=config.units * unit.reads,
+            config.traversal.units,
+            reads=config.traversal.units * unit.reads,
             address_width=axi.address_width,
             data_width=axi.data_width,
             id_width=axi.id_width,
         )
-        self._result = packet_of(RAY_RESULT, config.tag_width)
+        self._result = packet_of(RAY_RESULT, config.streams.tag_width)
         super().__init__(
             {
-                "i": In(stream.Signature(packet_of(RAY_QUERY, config.tag_width))),
+                "i": In(stream.Signature(packet_of(RAY_QUERY, config.streams.tag_width))),
                 "o": Out(stream.Signature(self._result)),
                 "m_axi": Out(self._arbiter.m_axi.signature),
                 "load": In(1),
-                "base": In(config.address_width),
+                "base": In(config.memory.address_width),
                 "loaded": Out(1),
                 "load_error": Out(len(unit.load_error)),
                 "overlap": In(len(unit.overlap)),

@@ -13,7 +13,7 @@ from lightloom.rtl.fabric.layouts import layout_of
 from lightloom.rtl.fabric.queues import Queue
 from lightloom.rtl.intersection.ray_time import RayTime
 from lightloom.rtl.operators.float_compare import compare
-from lightloom.rtl.traversal.records import ERROR_BITS, Ports, beside_layout, context_bits
+from lightloom.rtl.traversal.records import ERROR_BITS, Ports, beside_layout
 
 TIMED = ("t_max", "rate", "scale")
 """The fields of LEAF_RAY that give the box test's distance of t_max."""
@@ -35,8 +35,8 @@ class BestHits(wiring.Component):
 
     def __init__(self, config: Config):
         self._ray_time = RayTime(config)
-        self._contexts = config.contexts
-        self._context = context = context_bits(config)
+        self._contexts = config.traversal.contexts
+        self._context = context = config.traversal.context_bits
         ports = Ports(config)
         ray = layout_of(LEAF_RAY).members
         self._timed = data.StructLayout({name: ray[name] for name in TIMED})

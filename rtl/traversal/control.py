@@ -20,7 +20,6 @@ from lightloom.rtl.traversal.records import (
     ADDRESS_BITS,
     ERROR_BITS,
     Ports,
-    context_bits,
     failure,
     leaf_visit,
     node_result,
@@ -60,7 +59,7 @@ class Control(wiring.Component):
 
     def __init__(self, config: Config):
         self._config = config
-        context = context_bits(config)
+        context = config.traversal.context_bits
         node_visits, leaf_visits = node_visit(config), leaf_visit(config)
         ports = Ports(config)
         leaf = data.StructLayout({**leaf_visits.members, "hit": 1, "error": ERROR_BITS})
@@ -81,7 +80,7 @@ class Control(wiring.Component):
                 "release": In(ports.started),
                 "root": In(ADDRESS_BITS),
                 "levels": In(8),
-                "overlap": In(config.overlap.bit_length()),
+                "overlap": In(config.traversal.overlap_bits),
                 "backlog": In(1),
                 "starved": In(1),
                 "idle": Out(1),
@@ -92,7 +91,7 @@ class Control(wiring.Component):
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        config, contexts = self._config, self._config.contexts
+        config, contexts = self._config, self._config.traversal.contexts
         rays = Rays(m, config)
         m.submodules.stacks = stacks = Stacks(config)
         m.submodules.decision = decision = NodeDecision(config)
@@ -166,7 +165,7 @@ class Control(wiring.Component):
 
     def _leaf(self, m: Module, rays: Rays) -> tuple[Signal, Signal]:
         """The ray of which a visit of a leaf is over, and that again if this ends the ray."""
-        contexts = self._config.contexts
+        contexts = self._config.traversal.contexts
         leaf: data.View = self.leaf.payload
         visited = Signal(contexts, name="leaf_context")
         ends = Signal(contexts, name="leaf_ends")
@@ -184,9 +183,9 @@ class Control(wiring.Component):
         self, m: Module, rays: Rays, decision: NodeDecision, pops: PoppedVisits, may_run_ahead: Value
     ) -> Signal:
         """The ray of which a visit is chosen: of the root, or the top of its stack."""
-        config, contexts = self._config, self._config.contexts
-        overlap = Signal(range(config.overlap + 1))
-        m.d.comb += overlap.eq(Mux(self.overlap > config.overlap, config.overlap, self.overlap))
+        config, contexts = self._config, self._config.traversal.contexts
+        overlap = Signal(range(config.traversal.overlap + 1))
+        m.d.comb += overlap.eq(Mux(self.overlap > config.traversal.overlap, config.traversal.overlap, self.overlap))
         # What a ray visits before its nearer visits are over may turn out to be needless: it is chosen only while a
         # test would have nothing to do otherwise, and beyond SURE only if it is likely to be needed all the same.
         likely = rays.near | rays.outstanding.below(Const(SURE))
@@ -213,7 +212,7 @@ class Control(wiring.Component):
         """The ray that goes into the register of `finished`, if that is empty or is emptied."""
         moves = Signal()
         finished = Signal(self.finished.payload.shape(), reset_less=True)
-        finish = Signal(self._config.contexts)
+        finish = Signal(self._config.traversal.contexts)
         chosen = next_of(m, "finish", rays.done, moves & rays.done.any())
         m.d.comb += [
             moves.eq(~self.finished.valid | self.finished.ready),

@@ -6,7 +6,6 @@ from amaranth.lib.wiring import Component, In, Out
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.one_hot import lowest, number_of
 from lightloom.rtl.traversal.masks import only_if
-from lightloom.rtl.traversal.records import context_bits
 
 
 class FreeContexts(Component):
@@ -21,12 +20,12 @@ class FreeContexts(Component):
     """
 
     def __init__(self, config: Config):
-        contexts = config.contexts
+        contexts = config.traversal.contexts
         super().__init__(
             {
                 "take": In(1),
                 "reserved_valid": Out(1),
-                "reserved_number": Out(context_bits(config)),
+                "reserved_number": Out(config.traversal.context_bits),
                 "start": Out(contexts),
                 "released": In(contexts),
                 "idle": Out(1),

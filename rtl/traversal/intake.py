@@ -24,7 +24,7 @@ LATTICE = np.dtype([(name, BVH_HEADER[name]) for name in ("lattice_origin", "lat
 
 def ray_status(config: Config) -> data.StructLayout:
     """What the result needs to know of a ray beside its hit."""
-    return data.StructLayout({"tag": config.tag_width, "any_hit": 1, "invalid": 1, "no_tree": 1})
+    return data.StructLayout({"tag": config.streams.tag_width, "any_hit": 1, "invalid": 1, "no_tree": 1})
 
 
 class Intake(wiring.Component):
@@ -46,7 +46,7 @@ class Intake(wiring.Component):
         )
         super().__init__(
             {
-                "i": In(stream.Signature(packet_of(RAY_QUERY, config.tag_width))),
+                "i": In(stream.Signature(packet_of(RAY_QUERY, config.streams.tag_width))),
                 "o": Out(stream.Signature(prepared)),
                 "tree": In(1),
                 "lattice": In(layout_of(LATTICE)),
@@ -80,7 +80,7 @@ class Intake(wiring.Component):
             **{name: setup[name] for name in ("origin", "inverse", "axis", "t_min")},
             **{name: self.lattice[name] for name in LATTICE.names or ()},  # as constant as the tree
         )
-        order = flow.apply("order", FloatCompare(config.compare_depth), a=setup["t_min"], b=setup["t_max"])
+        order = flow.apply("order", FloatCompare(config.operators.compare_depth), a=setup["t_min"], b=setup["t_max"])
         invalid = flow.logic("invalid", is_invalid, setup["origin"], setup["shear"], order["unordered"])
         skip = flow.logic("skip", lambda a, b, less: a | b | ~less, invalid, no_tree, order["less"])
 

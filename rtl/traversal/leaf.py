@@ -12,7 +12,7 @@ from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.layouts import layout_of
 from lightloom.rtl.intersection.ray_triangle import RayTriangle, RayTriangleHalf
 from lightloom.rtl.traversal.best_hits import TIMED, BestHits
-from lightloom.rtl.traversal.records import ERROR_BITS, Ports, beside_layout, context_bits
+from lightloom.rtl.traversal.records import ERROR_BITS, Ports, beside_layout
 
 CORNER_BITS = 96
 TESTED = ("origin", "shear", "t_min", "axis", "flip", "cull")
@@ -22,7 +22,7 @@ TESTED = ("origin", "shear", "t_min", "axis", "flip", "cull")
 class LeafStage(wiring.Component):
     """Tests the triangles of a block a visit, and keeps the best hit of every context.
 
-    A test begins every `config.triangle_interval` cycles.
+    A test begins every `config.triangle_test.interval` cycles.
 
     Ports (docs/leaf_stage.md); a strobe is taken or missed in the cycle in which it is valid:
 
@@ -39,10 +39,10 @@ class LeafStage(wiring.Component):
     """
 
     def __init__(self, config: Config):
-        self._core = {1: RayTriangle, 2: RayTriangleHalf}[config.triangle_interval](config)
+        self._core = {1: RayTriangle, 2: RayTriangleHalf}[config.triangle_test.interval](config)
         self._best = BestHits(config)
-        self._contexts = config.contexts
-        self._context = context = context_bits(config)
+        self._contexts = config.traversal.contexts
+        self._context = context = config.traversal.context_bits
         ports = Ports(config)
         self._ray = layout_of(LEAF_RAY)
         self._beside = beside_layout(config)

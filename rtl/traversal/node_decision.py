@@ -12,7 +12,6 @@ from lightloom.rtl.traversal.records import (
     ERROR_BITS,
     RANK_BITS,
     failure,
-    height_bits,
     leaf_visit,
     node_result,
     node_visit,
@@ -45,7 +44,7 @@ class NodeDecision(wiring.Component):
 
     def __init__(self, config: Config):
         self._config = config
-        contexts, height = config.contexts, height_bits(config)
+        contexts, height = config.traversal.contexts, config.traversal.height_bits
         self._kept = data.StructLayout({"result": node_result(config), "mask": contexts})
         super().__init__(
             {
@@ -81,13 +80,13 @@ class NodeDecision(wiring.Component):
             results.i.valid.eq(self.node.valid),
             self.node.ready.eq(results.i.ready),
             results.i.payload.result.eq(self.node.payload),
-            results.i.payload.mask.eq(one_hot(self.node.payload.context, self._config.contexts)),
+            results.i.payload.mask.eq(one_hot(self.node.payload.context, self._config.traversal.contexts)),
             results.o.ready.eq(self.push.ready),
             self.context.eq(only_if(results.o.valid, results.o.payload.mask)),
         ]
         takes = Signal()
         rest = Signal(4)  # children beside the nearest
-        above = Signal(range(self._config.stack + 8))  # the height with all of them
+        above = Signal(range(self._config.traversal.stack + 8))  # the height with all of them
         forward, push, again, fail, restart = (
             Signal(name=name) for name in ("forwards", "push_some", "again", "fail", "restart")
         )
@@ -107,7 +106,7 @@ class NodeDecision(wiring.Component):
                     m.d.comb += forward.eq(1)
                 with m.Elif(fits):
                     m.d.comb += [forward.eq(1), push.eq(1)]
-                with m.Elif(self.height != self._config.stack):
+                with m.Elif(self.height != self._config.traversal.stack):
                     m.d.comb += [forward.eq(1), push.eq(1), again.eq(1)]
                 with m.Elif(self.is_strict):
                     # One visit at a time never needs more than `levels` entries: the header is wrong.
@@ -136,7 +135,7 @@ class NodeDecision(wiring.Component):
         """Whether all the rest has a place, so that `levels` places are left: height + rest + levels <= stack."""
         spare = Signal(signed(9))  # entries beyond those that the levels of the tree need; as constant as the tree
         fits = Signal()
-        m.d.sync += spare.eq(self._config.stack - self.levels)
+        m.d.sync += spare.eq(self._config.traversal.stack - self.levels)
         m.d.comb += fits.eq(self.height <= spare - rest)
         return fits
 

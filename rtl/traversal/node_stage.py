@@ -18,7 +18,6 @@ from lightloom.rtl.traversal.records import (
     ERROR_BITS,
     NODE_RAY,
     Ports,
-    context_bits,
     node_result,
     node_visit,
     strobe,
@@ -44,12 +43,12 @@ class NodeStage(wiring.Component):
 
     def __init__(self, config: Config):
         self._core = NodeTest(config)
-        self._contexts = config.contexts
-        self._width = config.width
+        self._contexts = config.traversal.contexts
+        self._width = config.tree.width
         self._visit = node_visit(config)
         self._result = node_result(config)
         arriving = data.StructLayout({"data": 8 * BLOCK_BYTES, "tag": self._visit, "error": 1})
-        start = data.StructLayout({"context": context_bits(config), "ray": layout_of(NODE_RAY)})
+        start = data.StructLayout({"context": config.traversal.context_bits, "ray": layout_of(NODE_RAY)})
         super().__init__(
             {
                 "start": In(strobe(start)),

@@ -12,8 +12,6 @@ from lightloom.rtl.traversal.masks import one_hot, only_if
 from lightloom.rtl.traversal.records import (
     ADDRESS_BITS,
     Ports,
-    context_bits,
-    height_bits,
     leaf_visit,
     node_visit,
     stack_read,
@@ -41,9 +39,9 @@ class PoppedVisits(wiring.Component):
     """
 
     def __init__(self, config: Config):
-        self._contexts = config.contexts
-        context = context_bits(config)
-        self._chosen = data.StructLayout({"context": context, "position": height_bits(config), "fresh": 1})
+        self._contexts = config.traversal.contexts
+        context = config.traversal.context_bits
+        self._chosen = data.StructLayout({"context": context, "position": config.traversal.height_bits, "fresh": 1})
         self._visit = data.StructLayout({**node_visit(config).members, "leaf": 1, "beyond": 1, "near_below": 1})
         super().__init__(
             {
@@ -51,7 +49,7 @@ class PoppedVisits(wiring.Component):
                 "room": Out(1),
                 "read": Out(stack_read(config)),
                 "time_read": Out(Ports(config).time_read),
-                "met": Out(config.contexts),
+                "met": Out(config.traversal.contexts),
                 "is_dead": In(1),
                 "near_below": Out(1),
                 "dropped": Out(1),

@@ -66,13 +66,13 @@ class Rays:
     """
 
     def __init__(self, m: Module, config: Config):
-        contexts = config.contexts
+        contexts = config.traversal.contexts
         self.active, self.fresh, self.ended, self.failing, self.by_leaf, self.restart, self.strict, self.near = (
             Signal(contexts, name=name)
             for name in ("active", "fresh", "ended", "failing", "by_leaf", "restart", "strict", "near")
         )
-        self.outstanding = Counts("outstanding", contexts, config.overlap)
-        self.height = Counts("height", contexts, config.stack)
+        self.outstanding = Counts("outstanding", contexts, config.traversal.overlap)
+        self.height = Counts("height", contexts, config.traversal.stack)
         self.pending = Counts("pending", contexts, LISTS)
         self.dead = named(m, self.ended | self.restart, "dead")
         self.some_outstanding = named(m, self.outstanding.some(), "some_outstanding")

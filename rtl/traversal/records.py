@@ -7,7 +7,6 @@ from amaranth.lib.wiring import In, Out
 from lightloom.golden_model.contract.formats import BOX_RAY, HIT, NODE_HITS, NODE_TEST, TIME_BITS, WIDTH
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.layouts import layout_of
-from lightloom.rtl.fabric.queues import number_width
 
 ERROR_BITS = 3
 """Bits of a code of TRACE_ERRORS."""
@@ -19,24 +18,14 @@ NODE_RAY = np.dtype([(name, BOX_RAY[name]) for name in BOX_RAY.names or () if na
 """What the node test needs of a ray."""
 
 
-def context_bits(config: Config) -> int:
-    """Bits of a context's number."""
-    return number_width(config.contexts)
-
-
-def height_bits(config: Config) -> int:
-    """Of a number of entries on a stack."""
-    return config.stack.bit_length()
-
-
 def node_visit(config: Config) -> data.StructLayout:
     """A node to be visited: its block's number; the first `rank` of the children that the ray enters are skipped."""
-    return data.StructLayout({"context": context_bits(config), "address": ADDRESS_BITS, "rank": RANK_BITS})
+    return data.StructLayout({"context": config.traversal.context_bits, "address": ADDRESS_BITS, "rank": RANK_BITS})
 
 
 def leaf_visit(config: Config) -> data.StructLayout:
     """A block of triangles to be visited."""
-    return data.StructLayout({"context": context_bits(config), "address": ADDRESS_BITS})
+    return data.StructLayout({"context": config.traversal.context_bits, "address": ADDRESS_BITS})
 
 
 def node_result(config: Config) -> data.StructLayout:
@@ -66,8 +55,8 @@ def push_list(config: Config) -> data.StructLayout:
     """
     return data.StructLayout(
         {
-            "context": context_bits(config),
-            "height": height_bits(config),
+            "context": config.traversal.context_bits,
+            "height": config.traversal.height_bits,
             "first": RANK_BITS,
             "last": RANK_BITS,
             "again": 1,
@@ -86,8 +75,8 @@ def stack_read(config: Config) -> wiring.Signature:
     return wiring.Signature(
         {
             "en": Out(1),
-            "context": Out(context_bits(config)),
-            "position": Out(height_bits(config)),
+            "context": Out(config.traversal.context_bits),
+            "position": Out(config.traversal.height_bits),
             "entry": In(STACK_ENTRY),
         }
     )
@@ -100,12 +89,12 @@ def strobe(layout: data.StructLayout) -> wiring.Signature:
 
 def failure(config: Config) -> data.StructLayout:
     """Why a ray failed (TRACE_ERRORS), and the block that made it fail."""
-    return data.StructLayout({"context": context_bits(config), "error": ERROR_BITS, "block": ADDRESS_BITS})
+    return data.StructLayout({"context": config.traversal.context_bits, "error": ERROR_BITS, "block": ADDRESS_BITS})
 
 
 def beside_layout(config: Config) -> data.StructLayout:
     """What travels beside the ray-triangle core."""
-    context = context_bits(config)
+    context = config.traversal.context_bits
     return data.StructLayout(
         {"context": context, "primitive": 32, "any_hit": 1, "tested": 1, "last": 1, "error": ERROR_BITS}
     )
@@ -115,7 +104,7 @@ class Ports:
     """The signatures that the leaf stage and its parts share; a strobe is taken or missed while it is valid."""
 
     def __init__(self, config: Config):
-        context = context_bits(config)
+        context = config.traversal.context_bits
         self.started = wiring.Signature({"valid": Out(1), "context": Out(context)})
         self.done = wiring.Signature(
             {"valid": Out(1), "context": Out(context), "hit": Out(1), "error": Out(ERROR_BITS)}

@@ -9,7 +9,7 @@ from lightloom.golden_model.contract.formats import HIT, RAY_RESULT, TRACE_ERROR
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.layouts import packet_of
 from lightloom.rtl.traversal.intake import ray_status
-from lightloom.rtl.traversal.records import Ports, context_bits, failure, strobe
+from lightloom.rtl.traversal.records import Ports, failure, strobe
 
 
 class Results(wiring.Component):
@@ -26,9 +26,9 @@ class Results(wiring.Component):
     """
 
     def __init__(self, config: Config):
-        self._contexts = config.contexts
+        self._contexts = config.traversal.contexts
         self._failure = failure(config)
-        context = context_bits(config)
+        context = config.traversal.context_bits
         self._finished = data.StructLayout({"context": context, "failed": 1, "by_leaf": 1})
         super().__init__(
             {
@@ -37,7 +37,7 @@ class Results(wiring.Component):
                 "i": In(stream.Signature(self._finished)),
                 "hit_read": Out(Ports(config).hit_read),
                 "release": Out(wiring.Signature({"valid": Out(1), "context": Out(context)})),
-                "o": Out(stream.Signature(packet_of(RAY_RESULT, config.tag_width))),
+                "o": Out(stream.Signature(packet_of(RAY_RESULT, config.streams.tag_width))),
             }
         )
 

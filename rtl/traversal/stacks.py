@@ -11,7 +11,6 @@ from lightloom.rtl.traversal.records import (
     ADDRESS_BITS,
     RANK_BITS,
     STACK_ENTRY,
-    context_bits,
     push_list,
     stack_read,
     strobe,
@@ -35,9 +34,9 @@ class Stacks(wiring.Component):
     """
 
     def __init__(self, config: Config):
-        self._contexts = config.contexts
-        self._stack = config.stack
-        context = context_bits(config)
+        self._contexts = config.traversal.contexts
+        self._stack = config.traversal.stack
+        context = config.traversal.context_bits
         super().__init__(
             {
                 "push": In(stream.Signature(push_list(config))),

@@ -55,7 +55,7 @@ class _Parts:
 
 
 class Traversal(wiring.Component):
-    """Traces `config.contexts` rays at a time (docs/traversal_unit.md).
+    """Traces `config.traversal.contexts` rays at a time (docs/traversal_unit.md).
 
     Ports:
 
@@ -69,32 +69,32 @@ class Traversal(wiring.Component):
     - `abort`: strobe, rays and tree are forgotten. `aborting` is high from the next cycle until all reads under way
       have been answered, or with a `read_timeout` until the memory has been silent for so long; no ray is taken
       meanwhile, and a `load` is lost. Then all is as after a reset.
-    - `overlap`: how many visits of a ray may be under way, 1 to `config.overlap`.
+    - `overlap`: how many visits of a ray may be under way, 1 to `config.traversal.overlap`.
     - `count_<name>`: counters (`rtl.traversal.counters`); `count_clear` sets them to 0.
     """
 
     def __init__(self, config: Config):
         self._config = config
         ports = {
-            "address_width": config.address_width,
-            "data_width": config.axi_width,
-            "id_width": max(number_width(config.node_misses), number_width(config.triangle_misses)),
+            "address_width": config.memory.address_width,
+            "data_width": config.memory.axi_width,
+            "id_width": max(number_width(config.node_cache.misses), number_width(config.triangle_cache.misses)),
         }
         self._ports = ports
-        self._header = HeaderReader(width=config.width, stack=config.stack, **ports)
-        self.reads = 1 + config.node_misses + config.triangle_misses
+        self._header = HeaderReader(width=config.tree.width, stack=config.traversal.stack, **ports)
+        self.reads = 1 + config.node_cache.misses + config.triangle_cache.misses
         """Greatest number of reads under way."""
         self._arbiter = AxiReadArbiter(MASTERS, reads=self.reads, **ports)
         super().__init__(
             {
-                "i": In(stream.Signature(packet_of(RAY_QUERY, config.tag_width))),
-                "o": Out(stream.Signature(packet_of(RAY_RESULT, config.tag_width))),
+                "i": In(stream.Signature(packet_of(RAY_QUERY, config.streams.tag_width))),
+                "o": Out(stream.Signature(packet_of(RAY_RESULT, config.streams.tag_width))),
                 "m_axi": Out(self._arbiter.m_axi.signature),
                 "load": In(1),
-                "base": In(config.address_width),
+                "base": In(config.memory.address_width),
                 "loaded": Out(1),
                 "load_error": Out(len(self._header.load_error)),
-                "overlap": In(config.overlap.bit_length()),
+                "overlap": In(config.traversal.overlap_bits),
                 "read_timeout": In(TIMEOUT_BITS),
                 "abort": In(1),
                 "aborting": Out(1),
@@ -118,10 +118,10 @@ class Traversal(wiring.Component):
         config = self._config
         m.submodules.arbiter = self._arbiter
         m.submodules.read_timer = timer = ReadTimer()  # which goes on: an abort may be waiting for it
-        blocks = partial(VisitedBlocks, config, axi=self._ports)
+        blocks = partial(VisitedBlocks, visits=config.traversal.visits, axi=self._ports)
         leaves = LeafStage(config)
         parts = _Parts(
-            loader=Loader(config.address_width),
+            loader=Loader(config.memory.address_width),
             header_reader=self._header,
             intake=Intake(config),
             control=Control(config),
@@ -129,8 +129,8 @@ class Traversal(wiring.Component):
             leaves=leaves,
             results=Results(config),
             counters=Counters(),
-            node_blocks=blocks(kind="node", visit=node_visit(config)),
-            triangle_blocks=blocks(kind="triangle", visit=leaf_visit(config)),
+            node_blocks=blocks(cache=config.node_cache, visit=node_visit(config)),
+            triangle_blocks=blocks(cache=config.triangle_cache, visit=leaf_visit(config)),
             leaf_addresses=Queue(ADDRESS_BITS, leaves.latency + 2),
             timer=timer,
         )

@@ -2,13 +2,13 @@
 # (a unit that is made only to ask for its ports has these, too)
 """The way of a traversal unit's visits to their blocks: a queue and a cache."""
 
-from typing import Any, Literal
+from typing import Any
 
 from amaranth import Module, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
-from lightloom.rtl.config import Config
+from lightloom.rtl.blocks import Cache
 from lightloom.rtl.fabric.queues import PassingQueue
 from lightloom.rtl.memory.axi import BLOCK_BITS
 from lightloom.rtl.memory.block_cache import BlockCache
@@ -21,7 +21,7 @@ BACKLOG = 3
 class VisitedBlocks(wiring.Component):
     """Reads the block of each visit; blocks come in any order.
 
-    There is room for `contexts * overlap` visits in the queue and in the cache, all that there can be: so `i` is always
+    There is room for all visits in the queue and in the cache, all that there can be: so `i` is always
     ready, the cache can always answer, and what waits for it always gets on.
 
     Ports: `i`, stream of visits, `o`, stream of them with their blocks: {data, error: the read failed, visit}. `base`,
@@ -30,17 +30,14 @@ class VisitedBlocks(wiring.Component):
     the memory. The events of the `cache` may be counted.
     """
 
-    def __init__(
-        self, config: Config, *, kind: Literal["node", "triangle"], visit: data.StructLayout, axi: dict[str, int]
-    ):
-        """`visit`: its `address` is a block's number; the cache is as the fields of `config` that begin with `kind`
-        say, and its memory port as `axi`, the widths of an `AxiRead`."""
-        visits = config.contexts * config.overlap
+    def __init__(self, *, visits: int, cache: Cache, visit: data.StructLayout, axi: dict[str, int]):
+        """At most `visits` are in flight. `visit`: its `address` is a block's number; `axi`: the widths of the memory
+        port, an `AxiRead`."""
         self._queue = PassingQueue(visit, visits)
         self.cache = BlockCache(
-            sets=getattr(config, f"{kind}_sets"),
-            ways=getattr(config, f"{kind}_ways"),
-            misses=getattr(config, f"{kind}_misses"),
+            sets=cache.sets,
+            ways=cache.ways,
+            misses=cache.misses,
             requests=visits,
             tag_width=visit.size,
             **axi,
@@ -50,7 +47,7 @@ class VisitedBlocks(wiring.Component):
                 "i": In(stream.Signature(visit, always_ready=True)),
                 "o": Out(stream.Signature(data.StructLayout({"data": BLOCK_BITS, "error": 1, "visit": visit}))),
                 "m_axi": Out(self.cache.m_axi.signature),
-                "base": In(config.address_width),
+                "base": In(axi["address_width"]),
                 "invalidate": In(1),
                 "tick": In(1),
                 "prefetch": In(PREFETCH),

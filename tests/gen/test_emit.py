@@ -39,7 +39,7 @@ def test_manifest_agrees_with_verilog(base: Path, unit: str) -> None:
     assert declared == {(port["name"], port["direction"], port["width"]) for port in manifest["ports"]}
 
     widths = {port["name"]: port["width"] for port in manifest["ports"]}
-    tag_width = PRESETS["base"].tag_width
+    tag_width = PRESETS["base"].streams.tag_width
     assert widths["i__payload"] == bitpack.width(ALL[unit].input) + tag_width
     assert widths["o__payload"] == bitpack.width(ALL[unit].output) + tag_width
     for port in manifest["ports"]:

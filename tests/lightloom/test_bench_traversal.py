@@ -57,11 +57,12 @@ def test_measured(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("latency", [0, 100])
 def test_running_ahead_does_not_slow_the_cornell_box(latency: int) -> None:
     """Its triangle test is always busy, so that visits which turn out to be needless would cost time."""
-    config = replace(PRESETS["base"], tag_width=8)
+    config = PRESETS["base"].but(tag_width=8)
     triangles = load_scene("cornell-box").triangles
     blocks, queries = build_wide(triangles).blocks, queries_of(diffuse_rays(triangles, 4000, SEED))
     unit = TraversalUnit(config)
-    one, several = (unit.run(blocks, queries, overlap=overlap, latency=latency) for overlap in (1, config.overlap))
+    most = config.traversal.overlap
+    one, several = (unit.run(blocks, queries, overlap=overlap, latency=latency) for overlap in (1, most))
     assert several.cycles <= 1.01 * one.cycles
 
 
@@ -149,7 +150,7 @@ def test_hardware_that_cannot_be(cli: Run, monkeypatch: pytest.MonkeyPatch) -> N
     """Wherever a parameter is refused, it is bad input."""
 
     def measure(sweep: Sweep, advance: object) -> dict[str, object]:
-        Config(contexts=12)
+        Config.of(contexts=12)
         return {}
 
     monkeypatch.setattr("lightloom.bench.traversal.measure", measure)

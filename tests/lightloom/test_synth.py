@@ -33,7 +33,7 @@ def test_netlist_of_a_unit(cli: Run, tmp_path: Path) -> None:
     report = json.loads(outcome.out)
     (row,) = report["rows"]
     assert row["unit"] == UNIT
-    assert row["flip_flops"] >= row["latency"] * (PRESETS["tiny"].tag_width + 1)
+    assert row["flip_flops"] >= row["latency"] * (PRESETS["tiny"].streams.tag_width + 1)
     assert row["cells"] > 100
     assert row["area_um2"] > 6 * row["flip_flops"]
     (check,) = report["checks"]

@@ -38,7 +38,7 @@ def assert_agrees(unit: str, preset: str, operands: np.ndarray, origin: str) -> 
     """
     assert len(operands)
     bulk = bulk_unit(unit, preset)
-    expected, got = model_results(unit, operands, PRESETS[preset].width), bulk.run(operands)
+    expected, got = model_results(unit, operands, PRESETS[preset].tree.width), bulk.run(operands)
     wrong = np.flatnonzero(~bitpack.equal(expected, got))
     lines = [f"{unit} ({preset}, {origin}): {len(wrong)} of {len(operands)} results differ"]
     for k in wrong[:SHOWN]:

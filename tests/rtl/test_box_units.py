@@ -1,6 +1,5 @@
 """The units of the box test against their models: every bit of every result."""
 
-import dataclasses
 from collections.abc import Callable
 
 import numpy as np
@@ -12,7 +11,6 @@ from lightloom.golden_model.models import MODELS, model_results
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS, Config
 from lightloom.rtl.intersection.box_axis import STEPS
-from lightloom.rtl.intersection.box_setup import add_depth, multiply_depth
 from lightloom.sim.bulk import BulkUnit
 from lightloom.verif.vectors.box_vectors import box_setup_vectors, node_test_vectors, ray_time_vectors
 from tests.rtl.agreement import assert_agrees, bulk_unit
@@ -61,25 +59,26 @@ def test_the_vectors_reach_every_case() -> None:
 @pytest.mark.parametrize("unit", VECTORS)
 def test_results_survive_stalls(unit: str) -> None:
     operands = VECTORS[unit](20_000, SEED)
-    expected = model_results(unit, operands, PRESETS["tiny"].width)
+    expected = model_results(unit, operands, PRESETS["tiny"].tree.width)
     assert equal(bulk_unit(unit, "tiny").run(operands, stall_seed=SEED), expected).all()
 
 
 @pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS.keys())
 def test_latencies(config: Config) -> None:
+    deeper = config.operators.deeper
     latency = {unit: CATALOGUE[unit](config).latency for unit in VECTORS}
     assert latency == {
-        "ray_time": config.multiply_depth + config.convert_depth,
-        "box_setup": max(add_depth(config) + 2, multiply_depth(config) + 1) + config.convert_depth,
-        "node_test": config.node_test_depth,
+        "ray_time": config.operators.multiply_depth + config.operators.convert_depth,
+        "box_setup": max(deeper.add_depth + 2, deeper.multiply_depth + 1) + config.operators.convert_depth,
+        "node_test": config.node_test.depth,
     }
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("depth", range(STEPS + 1))
 def test_every_depth(depth: int) -> None:
-    config = dataclasses.replace(PRESETS["tiny"], node_test_depth=depth)
+    config = PRESETS["tiny"].but(node_test_depth=depth)
     operands = node_test_vectors(20_000, SEED)
-    unit, expected = BulkUnit("node_test", config), model_results("node_test", operands, config.width)
+    unit, expected = BulkUnit("node_test", config), model_results("node_test", operands, config.tree.width)
     assert equal(unit.run(operands), expected).all(), f"node_test_vectors(20_000, {SEED})"
     assert unit.latency == depth

@@ -3,10 +3,9 @@
 """What the parameters of the hardware may be: everything else is refused, and at all ends the hardware is right."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, replace
+from copy import deepcopy
 from functools import cache
 from itertools import combinations
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,11 +14,13 @@ import pytest
 from lightloom.gen.verilog import verilog_of
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import TRIANGLE
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.parameters import Parameter, powers_of_two
 from lightloom.golden_model.stimuli.ray_families import adversarial_rays, diffuse_rays
 from lightloom.golden_model.tracing.wide_bvh.encode import build_wide
 from lightloom.golden_model.tracing.wide_bvh.traversal import queries_of, trace_tree
 from lightloom.rtl.catalogue import CATALOGUE
-from lightloom.rtl.config import PARAMETERS, Config, ConfigError, Parameter, powers_of_two
+from lightloom.rtl.config import PARAMETERS, Config
 from lightloom.rtl.intersection.box_axis import STEPS
 from lightloom.rtl.intersection.determinant import DIGITS
 from lightloom.sim.traversal import TraversalUnit
@@ -37,16 +38,16 @@ Row = dict[str, int]
 
 
 def config_of(fields: Mapping[str, Any]) -> Config:
-    return Config(**fields)
+    return Config.of(**fields)
 
 
 def refused(name: str, value: object) -> str:
     """The message with which `value` is refused."""
-    with pytest.raises(ConfigError) as error:
+    with pytest.raises(InputError) as error:
         config_of({name: value})
     message = str(error.value)
     assert "\n" not in message
-    assert message == f"{name} {value!r}: must be {PARAMETERS[name].allowed}"
+    assert message == f"{name} {value}: must be {PARAMETERS[name].allowed}"
     return message
 
 
@@ -59,9 +60,9 @@ def test_what_is_below_or_above_a_range_is_refused(each: Parameter) -> None:
     for value in outside:
         refused(each.name, value)
     for value in (each.values[0], each.values[-1]):
-        assert getattr(config_of({each.name: value}), each.name) == value
+        assert config_of({each.name: value}).flat()[each.name] == value
         assert each.parsed(str(value)) == value
-    with pytest.raises(ConfigError, match=f"^{each.name} many: must be "):
+    with pytest.raises(InputError, match=f"^{each.name} many: must be "):
         each.parsed("many")
 
 
@@ -86,6 +87,13 @@ def test_what_once_gave_wrong_hardware(name: str, value: int, allowed: str) -> N
     assert refused(name, value) == f"{name} {value}: must be {allowed}"
 
 
+def unchecked(config: Config, name: str, value: int) -> Config:
+    """The configuration with a value that no block would take."""
+    changed = deepcopy(config)
+    object.__setattr__(changed.operators, name, value)
+    return changed
+
+
 def test_depths_end_where_the_operators_do() -> None:
     """With a stage more than `Config` allows, an operator has no place for it."""
     for name, unit in [
@@ -102,7 +110,7 @@ def test_depths_end_where_the_operators_do() -> None:
         assert depths[0] == 0
         made: list[Any] = [CATALOGUE[unit](config_of({name: depth})) for depth in depths]
         assert [core.latency for core in made] == list(depths)
-        beyond: Any = SimpleNamespace(**asdict(Config()) | {name: depths[-1] + 1})
+        beyond = unchecked(Config(), name, depths[-1] + 1)
         with pytest.raises(ValueError, match=f"{unit}: depth must be 0 to {depths[-1]}, not {depths[-1] + 1}"):
             CATALOGUE[unit](beyond)
     assert PARAMETERS["node_test_depth"].values == range(STEPS + 1)
@@ -155,7 +163,7 @@ def covering_array() -> list[Config]:
 
 
 def test_the_array_covers_all_pairs_of_ends() -> None:
-    covered = {pair for config in covering_array() for pair in pairs_of(asdict(config))}
+    covered = {pair for config in covering_array() for pair in pairs_of(config.flat())}
     for one, other in combinations(PARAMETERS.values(), 2):
         for x in (one.values[0], one.values[-1]):
             for y in (other.values[0], other.values[-1]):
@@ -197,10 +205,10 @@ def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 )
 def test_a_member_traces_as_the_model(number: int) -> None:
     member = covering_array()[number]
-    config = replace(member, units=min(member.units, MOST_UNITS))
+    config = member.but(units=min(member.traversal.units, MOST_UNITS))
     triangles, masks, queries = scene()
-    tree = build_wide(triangles, width=config.width, max_levels=config.stack, masks=masks)
-    wanted, _ = trace_tree(tree.blocks, queries, width=config.width, stack=config.stack)
+    tree = build_wide(triangles, width=config.tree.width, max_levels=config.traversal.stack, masks=masks)
+    wanted, _ = trace_tree(tree.blocks, queries, width=config.tree.width, stack=config.traversal.stack)
     unit = TraversalUnit(config, memory_bits=18, optimised=False)
     run = unit.run(
         tree.blocks,

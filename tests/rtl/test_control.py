@@ -19,7 +19,7 @@ VISITS = 12
 """Of a ray, after which its nodes have no more children."""
 PATIENCE = 400
 """Cycles in which something must happen."""
-SMALL = Config(contexts=4, overlap=3, stack=6)
+SMALL = Config.of(contexts=4, overlap=3, stack=6)
 
 
 class Surroundings:
@@ -153,7 +153,7 @@ def test_every_ray_is_finished_once(overlap: int) -> None:
 
 @pytest.mark.parametrize(
     ("backlog", "starved", "near", "most"),
-    [(1, 1, 1, 1), (0, 1, 0, SURE), (0, 1, 1, SMALL.overlap), (0, 0, 1, SMALL.overlap)],
+    [(1, 1, 1, 1), (0, 1, 0, SURE), (0, 1, 1, SMALL.traversal.overlap), (0, 0, 1, SMALL.traversal.overlap)],
     ids=["while requests wait", "far children", "near children", "nothing waits"],
 )
 def test_how_far_a_ray_runs_ahead(backlog: int, starved: int, near: int, most: int) -> None:
@@ -163,7 +163,7 @@ def test_how_far_a_ray_runs_ahead(backlog: int, starved: int, near: int, most: i
 
     async def testbench(ctx: Any) -> None:
         nonlocal asked
-        ctx.set(dut.overlap, SMALL.overlap)
+        ctx.set(dut.overlap, SMALL.traversal.overlap)
         ctx.set(dut.levels, 1)
         ctx.set(dut.backlog, backlog)
         ctx.set(dut.starved, starved)
@@ -177,7 +177,7 @@ def test_how_far_a_ray_runs_ahead(backlog: int, starved: int, near: int, most: i
         await ctx.tick().until(dut.node_request.valid)
         hits = dut.node.payload.hits
         ctx.set(dut.node.payload.base, 2)
-        ctx.set(hits.count, SMALL.overlap + 2)
+        ctx.set(hits.count, SMALL.traversal.overlap + 2)
         for slot in range(WIDTH):
             ctx.set(hits.slot[slot], slot)
             ctx.set(hits.entry[slot], 0 if near else slot << NEAR_BITS)
@@ -197,7 +197,7 @@ def test_how_far_a_ray_runs_ahead(backlog: int, starved: int, near: int, most: i
 
 async def rays_begin(ctx: Any, dut: Control, count: int, *, levels: int) -> None:
     """Rays in contexts from 0 up ask for their roots; nothing is beyond a best hit, and `backlog` is high."""
-    for port, value in ((dut.overlap, SMALL.overlap), (dut.levels, levels), (dut.root, 1), (dut.backlog, 1)):
+    for port, value in ((dut.overlap, SMALL.traversal.overlap), (dut.levels, levels), (dut.root, 1), (dut.backlog, 1)):
         ctx.set(port, value)
     ctx.set(dut.time_read.time, (1 << TIME_BITS) - 1)
     for slot in range(WIDTH):
@@ -235,7 +235,7 @@ def test_no_ray_runs_ahead_while_visits_of_nodes_wait(starved: int, runs_ahead: 
     asked: list[int] = []
 
     async def testbench(ctx: Any) -> None:
-        await rays_begin(ctx, dut, SMALL.contexts, levels=2)
+        await rays_begin(ctx, dut, SMALL.traversal.contexts, levels=2)
         for context in (*others, ahead):
             await node_result(ctx, dut, context, 3, 0b1)  # to a leaf, with two nodes on the stack
         for context in others:

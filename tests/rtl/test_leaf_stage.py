@@ -5,7 +5,6 @@
 import functools
 import json
 import subprocess
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -36,7 +35,7 @@ def verilog(config: Config) -> str:
 @pytest.mark.parametrize("simulator", SIMULATORS)
 @pytest.mark.parametrize(("contexts", "interval"), [(4, 1), (16, 1), (8, 2)])
 def test_bench(simulator: str, contexts: int, interval: int, tmp_path: Path) -> None:
-    config = replace(PRESETS["tiny"], contexts=contexts, triangle_interval=interval)
+    config = PRESETS["tiny"].but(contexts=contexts, triangle_interval=interval)
     stage = LeafStage(config)
     description = {
         "contexts": contexts,
@@ -64,7 +63,7 @@ def test_bench(simulator: str, contexts: int, interval: int, tmp_path: Path) -> 
 def test_latency_is_the_cores_and_seven_cycles(preset: str) -> None:
     config = PRESETS[preset]
     latency = LeafStage(config).latency
-    core = RayTriangle(config) if config.triangle_interval == 1 else RayTriangleHalf(config)
+    core = RayTriangle(config) if config.triangle_test.interval == 1 else RayTriangleHalf(config)
     assert latency == core.latency + RayTime(config).latency + 7
     assert f"\n| {preset} | {latency} |\n" in PAGE.read_text(encoding="utf-8")
 

@@ -31,7 +31,7 @@ DEPTHS = [field.name for field in dataclasses.fields(Config) if field.name.endsw
 def combinational() -> Config:
     """Depth 0 everywhere: what the deepest logic computes."""
     depths: dict[str, Any] = dict.fromkeys(DEPTHS, 0)
-    return dataclasses.replace(PRESETS["tiny"], **depths)
+    return PRESETS["tiny"].but(**depths)
 
 
 def core_of(name: str) -> type[StepCore]:
@@ -111,7 +111,7 @@ def test_documentation_states_the_ports_and_depths() -> None:
     stated = {}
     for name, unit in OPERATORS.items():
         parameter = table[name][2].strip("`")
-        depths = [str(getattr(config, parameter)) for config in PRESETS.values()]
+        depths = [str(config.flat()[parameter]) for config in PRESETS.values()]
         assert depths == [str(latency(name, config)) for config in PRESETS.values()]
         ports = [
             ", ".join(f"`{field}` {field_width(dtype[field])}" for field in dtype.names or ())

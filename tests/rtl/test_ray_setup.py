@@ -34,4 +34,4 @@ def test_results_survive_stalls() -> None:
 
 @pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS.keys())
 def test_latency_is_the_longest_path(config: Config) -> None:
-    assert CATALOGUE["ray_setup"](config).latency == config.divide_depth + 1 + config.multiply_depth
+    assert CATALOGUE["ray_setup"](config).latency == config.operators.divide_depth + 1 + config.operators.multiply_depth

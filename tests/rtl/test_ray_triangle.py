@@ -1,7 +1,5 @@
 """The ray-triangle unit against its model: every bit of every result."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,6 @@ from lightloom.golden_model.contract.bitpack import equal
 from lightloom.golden_model.tracing.ray_triangle import ray_triangle
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PARAMETERS, PRESETS, Config
-from lightloom.rtl.intersection.determinant import cycles_of
 from lightloom.sim.bulk import BulkUnit
 from lightloom.verif.vectors.ray_vectors import ray_triangle_vectors
 from tests.rtl.agreement import assert_agrees, bulk_unit
@@ -48,7 +45,7 @@ def test_results_survive_stalls(unit: str) -> None:
 @pytest.mark.parametrize("depth", PARAMETERS["reciprocal_depth"].values)
 def test_every_depth_of_the_reciprocal(unit: str, depth: int) -> None:
     operands = ray_triangle_vectors(20_000, SEED)
-    results = BulkUnit(unit, replace(PRESETS["tiny"], reciprocal_depth=depth)).run(operands)
+    results = BulkUnit(unit, PRESETS["tiny"].but(reciprocal_depth=depth)).run(operands)
     assert equal(results, ray_triangle(operands)).all(), f"ray_triangle_vectors(20_000, {SEED})"
 
 
@@ -63,9 +60,9 @@ def test_guard_bit_alone_rounds_every_reciprocal() -> None:
 
 @pytest.mark.parametrize("config", PRESETS.values(), ids=PRESETS.keys())
 def test_latency_is_the_longest_path(config: Config) -> None:
-    shear = 2 * config.add_depth + config.multiply_depth
-    reciprocal = 2 * min(config.add_depth, 4) + cycles_of(config) + 1
-    depth = 2 * config.multiply_depth + 2 * config.add_depth
-    edges = shear + config.difference_of_products_depth
-    expected = edges + max(reciprocal, depth) + config.multiply_depth + config.compare_depth
+    shear = 2 * config.operators.add_depth + config.operators.multiply_depth
+    reciprocal = 2 * min(config.operators.add_depth, 4) + config.operators.reciprocal_cycles + 1
+    depth = 2 * config.operators.multiply_depth + 2 * config.operators.add_depth
+    edges = shear + config.operators.difference_of_products_depth
+    expected = edges + max(reciprocal, depth) + config.operators.multiply_depth + config.operators.compare_depth
     assert CATALOGUE["ray_triangle"](config).latency == expected

@@ -2,7 +2,6 @@
 # (an array is also made only to ask for its ports)
 """Several traversal units on one memory port: the hits are the model's, and all units share the work."""
 
-from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -24,8 +23,7 @@ from lightloom.sim.traversal import TraversalUnit
 SEED = 1989
 UNITS = 3
 RAYS = 1500
-CONFIG = replace(
-    PRESETS["tiny"],
+CONFIG = PRESETS["tiny"].but(
     tag_width=6,
     width=8,
     contexts=4,
@@ -81,25 +79,25 @@ def scene() -> tuple[WideBvh, np.ndarray]:
 def test_hits_are_the_models(options: dict[str, Any]) -> None:
     tree, queries = scene()
     run = unit().run(tree.blocks, queries, seed=SEED, **options)
-    wanted, counts = trace_tree(tree.blocks, queries, stack=CONFIG.stack)
+    wanted, counts = trace_tree(tree.blocks, queries, stack=CONFIG.traversal.stack)
     wrong = np.flatnonzero(~bitpack.equal(wanted, run.results))
     assert not len(wrong), f"seed {SEED}: ray {wrong[0]}: {queries[wrong[0]]}: {run.results[wrong[0]]}"
     assert run.counters["rays"] == RAYS
     if options.get("overlap") == 1:
         for name in counts.dtype.names or ():
             assert run.counters[name] == counts[name].sum(), name
-    assert run.beats == run.counters["beats"] == run.bursts * 512 // CONFIG.axi_width
+    assert run.beats == run.counters["beats"] == run.bursts * 512 // CONFIG.memory.axi_width
 
 
 def test_all_units_work_all_the_time() -> None:
     """Also beside a ray that takes most of the run: it meets every box. Rays of many visits go first; in the end such a
     ray would have the array to itself."""
     tree, queries = scene()
-    _, counts = trace_tree(tree.blocks, queries, stack=CONFIG.stack)
+    _, counts = trace_tree(tree.blocks, queries, stack=CONFIG.traversal.stack)
     visits = counts["node_tests"] + counts["revisits"] + counts["leaf_visits"]
     assert visits.max() > len(tree.blocks)
     run = unit().run(tree.blocks, queries[np.argsort(visits)[::-1]])
-    assert run.most_in_flight >= UNITS * CONFIG.contexts
+    assert run.most_in_flight >= UNITS * CONFIG.traversal.contexts
     assert run.counters["cycles"] > 0.95 * UNITS * run.cycles
 
 
@@ -119,12 +117,12 @@ def test_a_unit_is_written_once() -> None:
 
 
 def test_the_ports_are_those_of_one_unit() -> None:
-    one, several = Traversal(replace(CONFIG, units=1)), traversal(CONFIG)
+    one, several = Traversal(CONFIG.but(units=1)), traversal(CONFIG)
     assert isinstance(several, TraversalArray)
-    assert isinstance(traversal(replace(CONFIG, units=1)), Traversal)
+    assert isinstance(traversal(CONFIG.but(units=1)), Traversal)
     widths = [{name: (member.flow, len(value)) for name, member, value in ports_of(each)} for each in (one, several)]
     wider = {name for name in widths[1] if widths[0].get(name) != widths[1][name]}
     assert wider == {"m_axi_arid", "m_axi_rid"}
     assert set(widths[0]) == set(widths[1])
     with pytest.raises(ValueError, match="at least two units, not 1"):
-        TraversalArray(replace(CONFIG, units=1))
+        TraversalArray(CONFIG.but(units=1))

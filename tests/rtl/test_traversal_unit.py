@@ -4,7 +4,7 @@
 
 import functools
 import random
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -42,8 +42,7 @@ from tests.rtl.agreement import fields_in_hex
 from tests.rtl.axi_slave import AxiSlave, Wrong
 
 SEED = 1987
-SMALL = replace(
-    PRESETS["tiny"],
+SMALL = PRESETS["tiny"].but(
     tag_width=6,
     width=8,
     contexts=8,
@@ -94,7 +93,7 @@ def case(kind: str, family: str = "adversarial", count: int = 400) -> Case:
     rng = np.random.default_rng(SEED)
     triangles = soup(400, SEED) if kind == "soup" else load_scene(kind).triangles
     masks = rng.choice(np.array([1, 2, 255], dtype=np.uint8), len(triangles))
-    tree = build_wide(triangles, masks=masks, width=SMALL.width, max_levels=SMALL.stack)
+    tree = build_wide(triangles, masks=masks, width=SMALL.tree.width, max_levels=SMALL.traversal.stack)
     rays = RAY_FAMILIES[family](triangles, count, SEED)
     any_hit, cull = rng.random((2, count)) < [[0.4], [0.3]]
     mask = rng.choice(np.array([0, 1, 3, 255]), count, p=[0.1, 0.2, 0.1, 0.6])
@@ -128,7 +127,9 @@ def assert_strict(blocks: np.ndarray, queries: np.ndarray, what: str, **options:
     run = unit().run(blocks, queries, overlap=1, **options)
     bad = options.get("bad_blocks")
     unreadable = range(bad[0], bad[1] + 1) if bad else ()
-    expected, counts = trace_tree(blocks, queries, width=SMALL.width, stack=SMALL.stack, bad_blocks=unreadable)
+    expected, counts = trace_tree(
+        blocks, queries, width=SMALL.tree.width, stack=SMALL.traversal.stack, bad_blocks=unreadable
+    )
     assert_same(run.results, expected, queries, what)
     assert {name: run.counters[name] for name in COUNTED} == {name: counts[name].sum() for name in COUNTED}, what
     assert run.counters["errors"] == (expected["error"] != 0).sum()
@@ -150,7 +151,7 @@ def test_one_visit_at_a_time_is_the_golden_traversal(kind: str, family: str) -> 
 @pytest.mark.parametrize("overlap", [2, 3, 4])
 def test_hits_do_not_depend_on_the_order(kind: str, overlap: int) -> None:
     each = case(kind, count=800)
-    expected, counts = trace_tree(each.blocks, each.queries, stack=SMALL.stack)
+    expected, counts = trace_tree(each.blocks, each.queries, stack=SMALL.traversal.stack)
     memories: tuple[dict[str, Any], ...] = (
         {"latency": 3},
         {"latency": 100, "stall_seed": SEED},
@@ -165,11 +166,11 @@ def test_hits_do_not_depend_on_the_order(kind: str, overlap: int) -> None:
 def test_the_stack_is_full() -> None:
     """The tree has as many levels as the stack has entries, so no list is ever put there whole."""
     each = case("soup", count=800)
-    blocks, queries = with_header(each.blocks, levels=SMALL.stack), each.queries
+    blocks, queries = with_header(each.blocks, levels=SMALL.traversal.stack), each.queries
     run = assert_strict(blocks, queries, "full stack", latency=10)
     assert run.counters["revisits"] > 0.3 * run.counters["node_tests"]
     # Several visits at a time need more entries than there are: such rays begin again.
-    expected, _ = trace_tree(blocks, queries, stack=SMALL.stack)
+    expected, _ = trace_tree(blocks, queries, stack=SMALL.traversal.stack)
     assert_same(unit().run(blocks, queries, overlap=4).results, expected, queries, "full stack, overlap 4")
 
 
@@ -182,7 +183,7 @@ def test_counters() -> None:
     blocks = {"node": counters["node_tests"], "triangle": counters["leaf_visits"]}
     for name, number in blocks.items():
         assert sum(counters[f"{name}_{part}"] for part in ("hits", "misses", "merged")) == number
-    beats = BLOCK_BYTES * 8 // SMALL.axi_width
+    beats = BLOCK_BYTES * 8 // SMALL.memory.axi_width
     reads = [counters[name] for name in ("node_misses", "triangle_misses", "triangle_prefetches")]
     assert counters["beats"] == beats * sum(reads)
     assert min(reads) > 0
@@ -200,7 +201,7 @@ def test_counters() -> None:
         ("version", {"version": 2}),
         ("check", {"check": 12345}),
         ("width", {"width": 9}),
-        ("levels", {"levels": SMALL.stack + 1}),
+        ("levels", {"levels": SMALL.traversal.stack + 1}),
         ("levels", {"levels": 0}),
         ("blocks", {"root": 0}),
         ("blocks", {"blocks": 1}),
@@ -258,7 +259,7 @@ def test_damaged_blocks_fail_the_rays_that_meet_them(error: str) -> None:
     run = unit().run(wrong, queries, overlap=4, stall_seed=SEED)
     if error != "random":
         sound = run.results["error"] == 0
-        expected, _ = trace_tree(blocks, queries, stack=SMALL.stack)
+        expected, _ = trace_tree(blocks, queries, stack=SMALL.traversal.stack)
         assert_same(run.results[sound], expected[sound], queries[sound], f"{error}, overlap 4")
 
 
@@ -276,7 +277,7 @@ def test_a_header_of_too_few_levels() -> None:
     run = assert_strict(blocks, queries, "one level")
     assert (run.results["error"] == TRACE_ERRORS["header"]).any()
     run = unit().run(blocks, queries, overlap=4)
-    expected, _ = trace_tree(case("soup").blocks, queries, stack=SMALL.stack)
+    expected, _ = trace_tree(case("soup").blocks, queries, stack=SMALL.traversal.stack)
     sound = run.results["error"] == 0
     assert_same(run.results[sound], expected[sound], queries[sound], "one level, overlap 4")
 
@@ -323,14 +324,14 @@ def test_the_loader_waits_for_rays() -> None:
 
 def test_another_tree_while_rays_are_under_way() -> None:
     """Rays that came before it are traced in the tree before, all others in the new one."""
-    trees = [build_wide(soup(count, SEED + count), max_levels=SMALL.stack).blocks for count in (12, 18)]
+    trees = [build_wide(soup(count, SEED + count), max_levels=SMALL.traversal.stack).blocks for count in (12, 18)]
     bases = [0x400, 0x400 + BLOCK_BYTES * len(trees[0])]
     image = b"".join(blocks.astype("<u4").tobytes() for blocks in trees)
     count, before = 24, 10
     queries = queries_of(RAY_FAMILIES["diffuse"](soup(12, SEED + 12), count, SEED))
     expected = np.concatenate(
         [
-            trace_tree(blocks, queries[part], stack=SMALL.stack)[0]
+            trace_tree(blocks, queries[part], stack=SMALL.traversal.stack)[0]
             for blocks, part in zip(trees, (slice(before), slice(before, None)), strict=True)
         ]
     )
@@ -377,7 +378,7 @@ def test_another_tree_while_rays_are_under_way() -> None:
     got = bitpack.unpack(np.frombuffer(rows, dtype="<u4").reshape(count, -1), RAY_RESULT)
     assert (got["error"] == 0).all()
     assert_same(got, expected, queries, "two trees")
-    assert not bitpack.equal(trace_tree(trees[0], queries, stack=SMALL.stack)[0], expected)[before:].all()
+    assert not bitpack.equal(trace_tree(trees[0], queries, stack=SMALL.traversal.stack)[0], expected)[before:].all()
 
 
 def test_a_load_waits_for_a_prefetch() -> None:
@@ -385,7 +386,7 @@ def test_a_load_waits_for_a_prefetch() -> None:
     triangles = np.zeros(4, dtype=TRIANGLE)  # all the same, so that both leaves are equally near
     for name, x, y in zip(TRIANGLE.names or (), (-1, 1, 0), (-1, -1, 1), strict=True):
         triangles[name] = x, y, 0
-    blocks = build_wide(triangles, max_levels=SMALL.stack).blocks
+    blocks = build_wide(triangles, max_levels=SMALL.traversal.stack).blocks
     image = blocks.astype("<u4").tobytes()
     leaves = [
         BLOCK_BYTES * k for k in range(1, len(blocks)) if bitpack.unpack(blocks[[k]], NODE_BLOCK)["kind"] != NODE_KIND
@@ -395,7 +396,7 @@ def test_a_load_waits_for_a_prefetch() -> None:
     rays["origin"], rays["direction"] = (0, 0, -3), (0, 0, 1)
     query = int.from_bytes(bitpack.pack(queries_of(rays, any_hit=True))[0].tobytes(), "little")
     traversal = Traversal(SMALL)
-    beats = BLOCK_BYTES * 8 // SMALL.axi_width
+    beats = BLOCK_BYTES * 8 // SMALL.memory.axi_width
     late = Wrong(beats=beats, last=frozenset({beats - 1}), after=300)
 
     class Memory(AxiSlave):

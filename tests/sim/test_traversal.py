@@ -21,7 +21,7 @@ from tests.golden_model.tracing.test_watertight import Mesh
 
 STAND_IN = Path(__file__).with_name("traversal_stand_in.v").read_text(encoding="utf-8")
 SEED, COUNT, BLOCKS = 53, 5000, 300
-STAND_IN_CONFIG = Config(tag_width=6)
+STAND_IN_CONFIG = Config.of(tag_width=6)
 
 
 @cache

@@ -1,6 +1,5 @@
 """The traversal unit's bench on both simulators, and units that it has to find broken."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,7 @@ from lightloom.sim.runner import BenchError
 from tests.simulators import SIMULATORS, needs_icarus
 
 TESTS = 39
-BASE = replace(PRESETS["base"], tag_width=TAGS)
+BASE = PRESETS["base"].but(tag_width=TAGS)
 
 
 @pytest.mark.parametrize(
@@ -34,7 +33,7 @@ def test_bench_on_icarus(tmp_path: Path) -> None:
 
 def test_aborts_of_an_array(tmp_path: Path) -> None:
     """Its units come to the end of their reads at different times, and its own port holds addresses, too."""
-    config = replace(SMALL, units=2, contexts=4)
+    config = SMALL.but(units=2, contexts=4)
     assert run_traversal_bench(tmp_path, "verilator", config, rays=0, few=3, only="abort") == 7
 
 
