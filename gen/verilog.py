@@ -12,7 +12,7 @@ from amaranth.lib.wiring import In
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.pipeline import Core, StreamUnit
-from lightloom.rtl.traversal.unit import Traversal
+from lightloom.rtl.fabric.unit import UnitComponent
 
 # The Yosys wheel, never a Yosys of the host: the text must not depend on the machine.
 os.environ["AMARANTH_USE_YOSYS"] = "builtin"
@@ -59,7 +59,7 @@ attrmap -remove unused_bits
 write_verilog -noparallelcase
 """
 
-Shared = Core | Traversal
+Shared = Core | UnitComponent
 
 AXI = "m_axi"
 """The member of a component's signature that is its AXI4 interface."""
@@ -99,9 +99,9 @@ def ports_of(component: wiring.Component) -> Iterator[tuple[str, wiring.Member, 
 def _share(fragment: Fragment, top: str, shared: dict[str, tuple[Shared, Fragment]]) -> None:
     """Replaces what is there several times below `fragment` by instances of one module.
 
-    These are the cores of one function and latency, and traversal units. Otherwise Amaranth writes a module for each
-    of the 40 operators in a ray-triangle unit, which takes most of the time and makes the text five times as long.
-    Fills `shared`: module name to a component and its logic.
+    These are the cores of one function and latency, and the units that a unit is made of. Otherwise Amaranth writes a
+    module for each of the 40 operators in a ray-triangle unit, which takes most of the time and makes the text five
+    times as long. Fills `shared`: module name to a component and its logic.
     """
     for index, (part, instance_name, location) in enumerate(fragment.subfragments):
         one = part.origins[0] if part.origins else None
@@ -110,7 +110,7 @@ def _share(fragment: Fragment, top: str, shared: dict[str, tuple[Shared, Fragmen
             ports = {f"i_{name}": value for name, value in _controls(one)}
             ports |= {f"i_i_{name}": value for name, value in _fields(one.i)}
             ports |= {f"o_o_{name}": value for name, value in _fields(one.o)}
-        elif isinstance(one, Traversal):
+        elif isinstance(one, UnitComponent):
             module = f"{top}_unit"
             ports = {"i_rst": ResetSignal()}
             for name, member, value in ports_of(one):

@@ -4,10 +4,9 @@
 
 from collections.abc import Callable
 
-from amaranth.lib import wiring
-
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.pipeline import Core, StreamUnit
+from lightloom.rtl.fabric.unit import UnitComponent
 from lightloom.rtl.intersection.box_setup import BoxSetup
 from lightloom.rtl.intersection.node_test import NodeTest
 from lightloom.rtl.intersection.ray_setup import RaySetup
@@ -31,7 +30,7 @@ def _stream(core: Callable[[Config], Core]) -> Callable[[Config], StreamUnit]:
     return lambda config: StreamUnit(core(config), config.streams.tag_width)
 
 
-CATALOGUE: dict[str, Callable[[Config], wiring.Component]] = {
+CATALOGUE: dict[str, Callable[[Config], UnitComponent]] = {
     "float_add": _stream(lambda c: FloatAdd(c.operators.add_depth)),
     "float_multiply": _stream(
         lambda c: FloatMultiply(c.operators.multiply_depth, blocks=c.operators.multiplier_blocks)
@@ -57,3 +56,11 @@ CATALOGUE: dict[str, Callable[[Config], wiring.Component]] = {
     "node_test": _stream(NodeTest),
     "traversal": traversal,
 }
+
+
+def stream_unit(unit: str, config: Config) -> StreamUnit:
+    """A unit whose results depend on its operands alone; TypeError for another."""
+    made = CATALOGUE[unit](config)
+    if not isinstance(made, StreamUnit):
+        raise TypeError(f"{unit} has no fixed latency")
+    return made

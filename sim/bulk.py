@@ -8,7 +8,7 @@ import numpy as np
 
 from lightloom.gen.manifest import manifest
 from lightloom.golden_model.contract import bitpack
-from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.golden_model.host.errors import InputError
 from lightloom.rtl.config import PRESETS, Config
 from lightloom.sim import verilated
@@ -27,7 +27,7 @@ class BulkError(AssertionError):
 class BulkUnit:
     """A Verilated unit that takes operand arrays.
 
-    Parameters: `unit`, a name of `golden_model.contract.interfaces.UNITS`; `config`, the hardware parameters;
+    Parameters: `unit`, a name of `golden_model.contract.interfaces.PURE`; `config`, the hardware parameters;
     `verilog`, a text other than the emitted one; `netlist`, it is gates, of which a compiler has too many to optimise
     for a run of thousands. Builds the simulator, or finds it in the cache. Raises InputError for an unknown unit or a
     missing tool.
@@ -39,9 +39,9 @@ class BulkUnit:
     def __init__(
         self, unit: str, config: Config = PRESETS["base"], *, verilog: str | None = None, netlist: bool = False
     ):
-        if unit not in UNITS:
-            raise InputError(f"{unit}: no such unit; known are {', '.join(sorted(UNITS))}")
-        self.unit = UNITS[unit]
+        if unit not in PURE:
+            raise InputError(f"{unit}: no such unit; known are {', '.join(sorted(PURE))}")
+        self.unit = PURE[unit]
         self.config = config
         self.verilog = emitted(unit, config) if verilog is None else verilog
         """The text that is simulated; tests pass a deliberately broken one."""

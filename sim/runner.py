@@ -21,7 +21,7 @@ from cocotb_tools.check_results import get_results
 
 from lightloom.gen.manifest import manifest
 from lightloom.golden_model.contract import bitpack
-from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.config import PRESETS, Config
 from lightloom.sim import toolchain
 from lightloom.sim.emitted import emitted
@@ -158,13 +158,13 @@ def run_bench(
     operands: np.ndarray,
     seed: int,
     config: Config = PRESETS["base"],
-    module: str | None = None,
+    module: str = "lightloom.verif.benches.test_stream_unit",
     folder: Path | None = None,
     waves: bool = False,
     coverage: bool = False,
     verilog: str | None = None,
 ) -> int:
-    """Runs the bench of a unit, `verif.benches.test_<unit>` or `module`, and returns the number of tests that passed.
+    """Runs the bench of a unit with a stream in and a stream out; returns the number of tests that passed.
 
     `operands` (N,) of the unit's input dtype are what the bench sends; `seed` decides the stalls. `folder` (default a
     new one under build/benches) gets operands, log and, where `waves`, dump.vcd (Verilator) or <unit>.fst (Icarus).
@@ -173,7 +173,7 @@ def run_bench(
     """
     text = emitted(unit, config) if verilog is None else verilog
     folder = _run_folder(unit, simulator, folder)
-    assert operands.dtype == UNITS[unit].input
+    assert operands.dtype == PURE[unit].input
     np.save(folder / "operands.npy", bitpack.pack(operands))
     described = manifest(unit, config)
     description = {
@@ -181,14 +181,14 @@ def run_bench(
         "operands": str(folder / "operands.npy"),
         "seed": seed,
         "tag_width": config.streams.tag_width,
-        "width": config.tree.width,
+        "config": config.flat(),
         **{key: described[key] for key in ("latency", "initiation_interval")},
     }
     return run_cocotb(
         unit,
         {f"{unit}.v": text},
         simulator,
-        module=module or f"lightloom.verif.benches.test_{unit}",
+        module=module,
         public_ports=STREAM_PORTS,
         extra_env={"LIGHTLOOM_BENCH": json.dumps(description)},
         seed=seed,

@@ -23,7 +23,7 @@ from rich.table import Table
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.interfaces import OPERATORS
 from lightloom.golden_model.host.outputs import whole_file
-from lightloom.golden_model.models import MODELS
+from lightloom.golden_model.models import model_results
 from lightloom.rtl.config import PRESETS
 from lightloom.sim.bulk import BulkUnit
 from tests.exact import exact_results
@@ -71,7 +71,6 @@ def measure(name: str, *, random: int, exact: int, presets: list[str], seed: int
     """Runs one unit over its corners and `random` vectors, `exact` of either kind through exact arithmetic too."""
     started = time.perf_counter()
     row = Row(name)
-    model = MODELS[name]
     units = {preset: BulkUnit(name, PRESETS[preset]) for preset in presets}
 
     def compare(source: str, operands: np.ndarray, **results: np.ndarray) -> int:
@@ -87,7 +86,7 @@ def measure(name: str, *, random: int, exact: int, presets: list[str], seed: int
             row.random += len(operands)
         else:
             row.corners = len(operands)
-        expected, oracle = model(operands), softfloat_results(name, operands)
+        expected, oracle = model_results(name, operands), softfloat_results(name, operands)
         row.model_softfloat += compare(source, operands, SoftFloat=oracle, model=expected)
         for preset, unit in units.items():
             got = unit.run(operands)

@@ -14,9 +14,12 @@ from pathlib import Path
 
 import pytest
 
-from lightloom.golden_model.contract.interfaces import ALL, OPERATORS, UNITS
+from lightloom.golden_model.contract.interfaces import OPERATORS, PURE, UNITS
 from lightloom.golden_model.models import MODELS
+from lightloom.golden_model.numerics import floats
 from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.config import PRESETS
+from lightloom.rtl.fabric.pipeline import StreamUnit
 from tests import ROOT
 
 # What each room may import of ours, without "lightloom."; a part after a dot narrows it.
@@ -187,16 +190,44 @@ def found(room: str, name: str) -> Iterable[Path]:
 
 
 def test_every_unit_has_its_name_in_every_room() -> None:
-    assert set(CATALOGUE) == set(ALL)
+    assert list(CATALOGUE) == list(UNITS)
     assert set(MODELS) == set(UNITS)
     for unit in UNITS:
+        made = CATALOGUE[unit](PRESETS["base"])
+        assert made.unit is UNITS[unit]
+        hardware = type(made.core if isinstance(made, StreamUnit) else made).__module__
+        assert list(found("rtl", hardware.rpartition(".")[2]))
         if unit in OPERATORS:
-            assert (ROOT / "rtl" / "operators" / f"{unit}.py").exists()
-        else:
-            function = MODELS[unit].__name__  # units of one function share their files
-            assert list(found("rtl", function))
-            assert list(found("golden_model", function))
-            assert list(found("verif", f"test_{unit}"))
+            assert hardware.endswith(f".operators.{unit}")
+            assert hasattr(floats, unit)
+        elif unit in PURE:  # a file may have two units of one function
+            assert list(found("golden_model", hardware.rpartition(".")[2]))
+
+
+# To name such a unit is for tables of what units have of their own, for what is one unit's (its file says so by its
+# name), and for the benchmark and the page that are about it.
+NAMES_UNITS = {
+    "golden_model/contract/interfaces.py",
+    "golden_model/models.py",
+    "rtl/catalogue.py",
+    "gen/package/package.py",
+    "lightloom/hardware/benches.py",
+    "lightloom/commands/bench.py",
+    "lightloom/pages/measure.py",
+    "lightloom/pages/results.py",
+}
+
+
+def test_generic_code_names_no_unit_with_a_memory() -> None:
+    special = [unit for unit in UNITS if unit not in PURE]
+    wrong = [
+        f"{path.relative_to(ROOT)}:{node.lineno}: {node.value!r}"
+        for name, path in modules().items()
+        if str(path.relative_to(ROOT)) not in NAMES_UNITS and not any(unit in name for unit in special)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and node.value in special
+    ]
+    assert not wrong, "\n".join(wrong)
 
 
 def test_every_signal_has_a_line_of_its_own() -> None:

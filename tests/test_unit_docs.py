@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.contract import bitpack
-from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
 from tests import ROOT
 
 DOCS = ROOT / "docs"
-PAGES = {unit: DOCS / f"{unit}.md" for unit in UNITS}
+PAGES = {unit: DOCS / f"{unit}.md" for unit in PURE}
 TIMED = [unit for unit, page in PAGES.items() if page.exists() and "| preset | latency" in page.read_text("utf-8")]
 DOCUMENTED = [unit for unit, page in PAGES.items() if page.exists() and "| input field |" in page.read_text("utf-8")]
 
@@ -34,7 +34,7 @@ def test_the_ray_units_are_documented() -> None:
 def test_payload_tables(unit: str) -> None:
     rows = re.findall(r"^\| `(\w+)` \| (\d+):(\d+) \|", (DOCS / f"{unit}.md").read_text(encoding="utf-8"), re.MULTILINE)
     said = [(name, int(high), int(low)) for name, high, low in rows]
-    assert said == payload(UNITS[unit].input) + payload(UNITS[unit].output)
+    assert said == payload(PURE[unit].input) + payload(PURE[unit].output)
 
 
 def test_latencies_are_documented() -> None:

@@ -6,17 +6,17 @@ from amaranth import Array, Const, Mux, Signal
 
 from lightloom.gen.formal.bench import Bench
 from lightloom.gen.formal.properties import Induction, Property
-from lightloom.golden_model.contract.interfaces import COUNTERS
+from lightloom.rtl.fabric.counters import COUNTER_BITS, Counters
 from lightloom.rtl.memory.axi import AxiRead
 from lightloom.rtl.memory.block_fill import BlockFill
-from lightloom.rtl.traversal.counters import COUNTER_BITS, Counters
+from lightloom.rtl.traversal.unit import COUNTERS
 
 
 def counters() -> Bench:
-    component = Counters()
+    component = Counters(one.name for one in COUNTERS)
     bench = Bench(component)
     clear = bench.past(component.clear, "clear")
-    for name in COUNTERS:
+    for name in component.names:
         count = getattr(component, f"count_{name}")
         expected = Signal(COUNTER_BITS, name=f"expected_{name}")
         event = bench.past(getattr(component, f"event_{name}"), name)

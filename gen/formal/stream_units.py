@@ -13,10 +13,10 @@ from amaranth import Array, Cat, Module, Signal, Value
 from lightloom.gen.formal.bench import Bench
 from lightloom.gen.formal.properties import Induction, Property
 from lightloom.gen.formal.streams import held
-from lightloom.golden_model.contract.interfaces import UNITS
-from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.golden_model.contract.interfaces import PURE
+from lightloom.rtl.catalogue import stream_unit
 from lightloom.rtl.config import PRESETS, Config
-from lightloom.rtl.fabric.pipeline import Core, StreamUnit, register
+from lightloom.rtl.fabric.pipeline import Core, register
 
 LONGEST = 80
 """Cycles in which an operation goes through any of the units: more than their latencies."""
@@ -38,8 +38,7 @@ class FreeCore(Core):
 
 def handshake(unit: str, config: Config) -> Bench:
     """The bench of one unit: the stream wrapper as it is, around a free core."""
-    component = CATALOGUE[unit](config)
-    assert isinstance(component, StreamUnit)
+    component = stream_unit(unit, config)
     assert component.latency > 0
     component.core = free = FreeCore(component.core)
     latency, interval = component.latency, component.initiation_interval
@@ -108,6 +107,6 @@ def properties() -> list[Property]:
             reach=LONGEST,
             quick=(unit, preset) in {("float_add", "full"), ("node_test", "base")},
         )
-        for unit in UNITS
+        for unit in PURE
         for preset, config in PRESETS.items()
     ]

@@ -9,7 +9,6 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from lightloom.gen.package.registers import registers, size
 from lightloom.gen.pages.pages import TEMPLATES
-from lightloom.golden_model.contract.formats import LOAD_ERRORS
 
 DENSITY = 55
 """Percent of the core that LibreLane fills with cells."""
@@ -68,8 +67,7 @@ def register_files(unit: Mapping[str, Any]) -> dict[str, str]:
     found = registers(unit["ports"])
     if not found:
         return {}
-    errors = LOAD_ERRORS if any(port["name"] == "load_error" for port in unit["ports"]) else {}
-    shared = {"unit": unit["unit"], "registers": found, "size": size(found), "load_errors": errors}
+    shared = {"unit": unit["unit"], "registers": found, "size": size(found)}
     return {end: render(f"package_registers{end}", **shared) for end in (".rdl", ".h", ".html")}
 
 

@@ -1,7 +1,7 @@
 """One folder for a fabrication or FPGA flow: Verilog, constraints, descriptions, testbenches, checksums."""
 
 import hashlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -10,14 +10,16 @@ import numpy as np
 
 from lightloom.gen.emit import emit
 from lightloom.gen.manifest import PACKAGES
-from lightloom.gen.package.bench import stream_bench, traversal_bench
 from lightloom.gen.package.files import constraints, ipxact, librelane, register_files, render, to_json
 from lightloom.gen.package.formats import context
-from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.gen.package.stream_bench import stream_bench
+from lightloom.gen.package.traversal_bench import traversal_bench
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.outputs import whole_folder
 from lightloom.rtl.config import Config
 
+OWN_BENCHES: Mapping[str, Callable[[dict[str, Any], Config], dict[str, bytes]]] = {"traversal": traversal_bench}
+"""Testbenches of units that need more than operands: manifest and configuration to files."""
 SHORTEST, LONGEST = 0.01, 10_000.0
 """A clock's period in ns that is plausible."""
 
@@ -49,10 +51,10 @@ def package(
             for name, content in _unit_files(unit, config, clock, operands).items():
                 _write(folder / name, content)
             progress(unit["unit"])
-        systems = [unit for unit in manifests if unit["unit"] not in UNITS]
-        if systems:
+        with_memory = [unit for unit in manifests if has_memory(unit)]
+        if with_memory:
             _write(folder / "testbench" / memory_model.name, memory_model.read_bytes())
-        for name, text in _shared_files(manifests, systems, preset, clock).items():
+        for name, text in _shared_files(manifests, with_memory, preset, clock).items():
             _write(folder / name, text.encode())
         described = _manifest(folder, manifests, config, preset, clock)
         _write(folder / "manifest.json", to_json(described).encode())
@@ -74,20 +76,26 @@ def _unit_files(
         f"flow/openroad/{name}/constraint.sdc": sdc,
     }
     texts |= {f"registers/{name}{end}": text for end, text in register_files(unit).items()}
-    bench = stream_bench(unit, config, operands(name)) if name in UNITS else traversal_bench(unit, config)
+    bench = OWN_BENCHES[name](unit, config) if name in OWN_BENCHES else stream_bench(unit, config, operands(name))
     files = {path: text.encode() for path, text in texts.items()}
     return files | {f"testbench/{file}": content for file, content in bench.items()}
 
 
 def _shared_files(
-    manifests: list[dict[str, Any]], systems: list[dict[str, Any]], preset: str, clock: float
+    manifests: list[dict[str, Any]], with_memory: list[dict[str, Any]], preset: str, clock: float
 ) -> dict[str, str]:
     names = [unit["unit"] for unit in manifests]
-    images = [unit["unit"] for unit in systems]
+    images = [unit["unit"] for unit in with_memory]
+    ties = dict.fromkeys(f"`{port['name']}`" for unit in manifests for port in unit["ports"] if port.get("tie") == 0)
     core = f"lightloom:{preset}:lightloom:{version('lightloom')}"
     return {
         "README.md": render(
-            "package_readme.md", units=manifests, preset=preset, clock=f"{clock:g}", register_units=images
+            "package_readme.md",
+            units=manifests,
+            preset=preset,
+            clock=f"{clock:g}",
+            register_units=images,
+            ties=in_words(list(ties)),
         ),
         "Makefile": render("package_makefile", units=names),
         "lightloom.f": "".join(f"rtl/{name}.v\n" for name in names),
@@ -111,6 +119,16 @@ def _manifest(
             for path in _files(folder)
         },
     }
+
+
+def has_memory(unit: Mapping[str, Any]) -> bool:
+    """Whether a unit, by its manifest, has a memory port."""
+    return any(port["role"] == "memory" for port in unit["ports"])
+
+
+def in_words(names: Sequence[str]) -> str:
+    """ "a, b and c"."""
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 def _files(folder: Path) -> list[Path]:

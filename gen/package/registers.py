@@ -2,12 +2,6 @@
 
 from typing import Any
 
-STREAMS = ("clk", "rst", "i__", "o__", "m_axi_")
-"""How the names of ports begin that are not control or status."""
-
-STROBES = ("load", "abort", "count_clear")
-"""Control ports that are high for one cycle."""
-
 WORD = 4
 """Bytes of a register of up to 32 bits."""
 
@@ -17,13 +11,14 @@ def registers(ports: list[dict[str, Any]]) -> list[dict[str, Any]]:
 
     Strobes share one register, narrow status another; every other port has one of its own, 64 bits wide where it has
     more than 32. A register is name, meaning, offset in bytes, width, fields; a field is name, meaning, kind ("strobe",
-    "control" or "status"), lowest bit, width.
+    "control" or "status"), lowest bit, width, names of values.
     """
-    found = [port for port in ports if not port["name"].startswith(STREAMS)]
-    strobes = [port for port in found if port["name"] in STROBES]
-    controls = [port for port in found if port["direction"] == "input" and port["name"] not in STROBES]
-    status = [port for port in found if port["direction"] == "output" and port["width"] <= 8]
-    wide = [port for port in found if port["direction"] == "output" and port["width"] > 8]
+    strobes, controls, read = (
+        [port for port in ports if port["role"] in roles]
+        for roles in (("strobe",), ("control",), ("status", "counter"))
+    )
+    status = [port for port in read if port["width"] <= 8]
+    wide = [port for port in read if port["width"] > 8]
     out: list[dict[str, Any]] = []
     if strobes:
         out.append(_register(out, "control", "What happens once when a bit is written as 1", strobes, "strobe"))
@@ -54,6 +49,7 @@ def _register(
                 "kind": kind,
                 "low": low,
                 "width": port["width"],
+                "values": port.get("values", {}),
             }
         )
     width = 32 if sum(field["width"] for field in fields) <= 32 else 64

@@ -16,14 +16,16 @@
 {% endfor %}
 
 #define LIGHTLOOM_{{ unit | upper }}_BYTES {{ "0x%03xu" % size }}
-{% if load_errors %}
+{% for register in registers %}
+{% for field in register.fields if field["values"] %}
 
-/* status.load_error: why the last header was refused. */
-enum lightloom_{{ unit }}_load_error {
-{% for name, value in load_errors.items() %}
-  LIGHTLOOM_{{ unit | upper }}_LOAD_ERROR_{{ name | upper }} = {{ value }}{{ "," if not loop.last }}
+/* {{ register.name }}.{{ field.name }}: {{ field.meaning }}. */
+enum lightloom_{{ unit }}_{{ field.name }} {
+{% for name, value in field["values"].items() %}
+  LIGHTLOOM_{{ unit | upper }}_{{ field.name | upper }}_{{ name | upper }} = {{ value }}{{ "," if not loop.last }}
 {% endfor %}
 };
-{% endif %}
+{% endfor %}
+{% endfor %}
 
 #endif

@@ -1,138 +1,129 @@
-"""The table of units: name, summary and payload formats of everything that exists in RTL, and what its counters count.
+"""The units of the hardware: name, summary, kind, payloads of the streams, and the blocks of its configuration.
 
-The RTL catalogue, the models, the benches, the bulk runs, the manifests and the documentation all start from here.
+That is what RTL, model, software and documentation agree on. Catalogue, manifests, packages, benches, bulk runs, proofs
+and pages start from here; `golden_model.models` has what a unit computes, `rtl.catalogue` the hardware, whose ports and
+counters are described where they are declared.
 """
 
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 
-from lightloom.golden_model.contract import formats
+from lightloom.golden_model.contract import formats as _F
+
+
+class Kind(Enum):
+    """What a unit's results depend on, and the order in which they come."""
+
+    PURE = "pure"
+    """On the operands alone; in their order, a fixed number of cycles later."""
+    IN_ORDER = "in order"
+    """On what the unit remembers too; in the operands' order."""
+    TAGGED = "tagged"
+    """On memory; in any order, told apart by their tags."""
+    PASS = "pass over memory"
+    """It reads and writes memory from a beginning to an end."""
+    SYSTEM = "system"
+    """It has registers and runs by itself."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Unit:
-    """One unit with an input stream, an output stream and a result that depends on its operands alone.
-
-    `golden_model.models` has what it computes.
-    """
+    """One unit, with a stream of operands and one of results."""
 
     name: str
     """The name in every room, and of the Verilog module."""
     summary: str
     """What it computes, in one line."""
+    kind: Kind = Kind.PURE
     input: np.dtype
     """Payload of the input stream, without the tag."""
     output: np.dtype
     """Payload of the output stream, without the tag."""
+    blocks: tuple[str, ...] = ()
+    """Of the hardware's configuration (`rtl.config.Config`), those that it depends on beside that of the streams."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class System:
-    """A unit between two streams whose results depend on a scene in memory and may come in another order."""
-
-    name: str
-    summary: str
-    input: np.dtype
-    """Payload of the input stream, without the tag."""
-    output: np.dtype
-    """Payload of the output stream, without the tag."""
+def _operator(name: str, summary: str, source: np.dtype, result: np.dtype) -> Unit:
+    return Unit(name=name, summary=summary, input=source, output=result, blocks=("operators",))
 
 
-def _unit(name: str, summary: str, source: np.dtype, result: np.dtype) -> Unit:
-    return Unit(name=name, summary=summary, input=source, output=result)
+def _by_name(*units: Unit) -> dict[str, Unit]:
+    return {unit.name: unit for unit in units}
 
 
-_F = formats
-OPERATORS: dict[str, Unit] = {
-    unit.name: unit
-    for unit in (
-        _unit("float_add", "a + b, or a - b", _F.FLOAT_ADD, _F.FLOAT),
-        _unit("float_multiply", "a * b", _F.FLOAT_PAIR, _F.FLOAT),
-        _unit("float_difference_of_products", "a*b - c*d, exact, rounded once", _F.FLOAT_QUAD, _F.FLOAT),
-        _unit("float_divide", "a / b", _F.FLOAT_PAIR, _F.FLOAT),
-        _unit("float_sqrt", "square root", _F.FLOAT_UNARY, _F.FLOAT),
-        _unit("float_compare", "less, equal, greater, unordered", _F.FLOAT_PAIR, _F.ORDER),
-        _unit("float_minmax", "minimum or maximum number", _F.FLOAT_MINMAX, _F.FLOAT),
-        _unit("float_to_half", "float32 to binary16", _F.FLOAT_UNARY, _F.HALF),
-        _unit("half_to_float", "binary16 to float32", _F.HALF_UNARY, _F.FLOAT),
-        _unit("float_to_fixed", "float32 to fixed point", _F.FLOAT_TO_FIXED, _F.FIXED),
-        _unit("fixed_to_float", "fixed point to float32", _F.FIXED_TO_FLOAT, _F.FLOAT),
-    )
-}
+OPERATORS = _by_name(
+    _operator("float_add", "a + b, or a - b", _F.FLOAT_ADD, _F.FLOAT),
+    _operator("float_multiply", "a * b", _F.FLOAT_PAIR, _F.FLOAT),
+    _operator("float_difference_of_products", "a*b - c*d, exact, rounded once", _F.FLOAT_QUAD, _F.FLOAT),
+    _operator("float_divide", "a / b", _F.FLOAT_PAIR, _F.FLOAT),
+    _operator("float_sqrt", "square root", _F.FLOAT_UNARY, _F.FLOAT),
+    _operator("float_compare", "less, equal, greater, unordered", _F.FLOAT_PAIR, _F.ORDER),
+    _operator("float_minmax", "minimum or maximum number", _F.FLOAT_MINMAX, _F.FLOAT),
+    _operator("float_to_half", "float32 to binary16", _F.FLOAT_UNARY, _F.HALF),
+    _operator("half_to_float", "binary16 to float32", _F.HALF_UNARY, _F.FLOAT),
+    _operator("float_to_fixed", "float32 to fixed point", _F.FLOAT_TO_FIXED, _F.FIXED),
+    _operator("fixed_to_float", "fixed point to float32", _F.FIXED_TO_FLOAT, _F.FLOAT),
+)
+"""The number units, which have a twin of the same name and operands in `golden_model.numerics.floats`."""
 
-UNITS: dict[str, Unit] = {
-    **OPERATORS,
-    "ray_setup": Unit(
+UNITS = OPERATORS | _by_name(
+    Unit(
         name="ray_setup",
         summary="dominant axis, shear constants and reciprocal direction of a ray",
-        input=formats.RAY,
-        output=formats.PREPARED_RAY,
+        input=_F.RAY,
+        output=_F.PREPARED_RAY,
+        blocks=("operators",),
     ),
-    "ray_triangle": Unit(
+    Unit(
         name="ray_triangle",
         summary="watertight ray-triangle intersection",
-        input=formats.RAY_TRIANGLE,
-        output=formats.TRIANGLE_HIT,
+        input=_F.RAY_TRIANGLE,
+        output=_F.TRIANGLE_HIT,
+        blocks=("operators",),
     ),
-    "ray_triangle_half": Unit(
+    Unit(
         name="ray_triangle_half",
         summary="ray_triangle in half the area, a test every other cycle",
-        input=formats.RAY_TRIANGLE,
-        output=formats.TRIANGLE_HIT,
+        input=_F.RAY_TRIANGLE,
+        output=_F.TRIANGLE_HIT,
+        blocks=("operators",),
     ),
-    "ray_time": Unit(
+    Unit(
         name="ray_time",
         summary="a distance along a ray for the box test, rounded both ways",
-        input=formats.RAY_TIME,
-        output=formats.RAY_TIMES,
+        input=_F.RAY_TIME,
+        output=_F.RAY_TIMES,
+        blocks=("operators",),
     ),
-    "box_setup": Unit(
+    Unit(
         name="box_setup",
         summary="what the box test needs of a ray, in integers",
-        input=formats.BOX_SETUP,
-        output=formats.BOX_RAY,
+        input=_F.BOX_SETUP,
+        output=_F.BOX_RAY,
+        blocks=("operators",),
     ),
-    "node_test": Unit(
+    Unit(
         name="node_test",
         summary="a ray against the boxes of a node's children, nearest first",
-        input=formats.NODE_TEST,
-        output=formats.NODE_HITS,
+        input=_F.NODE_TEST,
+        output=_F.NODE_HITS,
+        blocks=("operators", "tree", "node_test"),
     ),
-}
-
-SYSTEMS: dict[str, System] = {
-    "traversal": System(
+    Unit(
         name="traversal",
         summary="nearest or any hit of rays, through a tree in memory",
-        input=formats.RAY_QUERY,
-        output=formats.RAY_RESULT,
+        kind=Kind.TAGGED,
+        input=_F.RAY_QUERY,
+        output=_F.RAY_RESULT,
+        blocks=(
+            *("operators", "tree", "node_test", "triangle_test"),
+            *("traversal", "node_cache", "triangle_cache", "memory"),
+        ),
     ),
-}
+)
+"""Every unit, by its name."""
 
-ALL: dict[str, Unit | System] = {**UNITS, **SYSTEMS}
-
-COUNTERS: dict[str, str] = {
-    "cycles": "cycles in which a ray was in the unit",
-    "rays": "results given",
-    "node_tests": "nodes visited",
-    "revisits": "of these again, for the rest of their children",
-    "triangle_tests": "triangles tested",
-    "leaf_visits": "blocks of triangles visited",
-    "node_busy": "cycles in which a block entered the node test",
-    "node_starved": "cycles in which there was none",
-    "node_stalled": "cycles in which the node test had to wait for the stacks",
-    "triangle_busy": "cycles in which a triangle entered the triangle test",
-    "triangle_starved": "cycles in which there was no block of triangles",
-    "triangle_stalled": "cycles for a block of which the ray sees no triangle, and of waiting where a test takes two",
-    "node_hits": "blocks found in the node cache",
-    "node_misses": "blocks that were not there, and that the memory was asked for",
-    "node_merged": "blocks that it was waiting for already",
-    "triangle_hits": "blocks found in the triangle cache",
-    "triangle_misses": "blocks that were not there, and that the memory was asked for",
-    "triangle_merged": "blocks that it was waiting for already",
-    "triangle_prefetches": "blocks that the memory was asked for before a ray did",
-    "beats": "beats of data from the memory",
-    "errors": "rays that failed",
-}
-"""Name and meaning of every counter of the traversal unit; busy, starved and stalled cycles add up to `cycles`."""
+PURE = {name: unit for name, unit in UNITS.items() if unit.kind is Kind.PURE}
+"""Those whose results depend on their operands alone."""

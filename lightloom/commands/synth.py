@@ -156,7 +156,7 @@ def _measured(
     jobs: Sequence[tuple[str, str]], source: "Source | None", how: "Options", options: SynthOptions
 ) -> tuple[list["Measured"], list[dict[str, Any]]]:
     """Each unit with each preset of `jobs`, and with --check what its netlist computes, a row each."""
-    from lightloom.golden_model.contract.interfaces import UNITS
+    from lightloom.golden_model.contract.interfaces import PURE
     from lightloom.hardware.netlist_check import check
     from lightloom.hardware.synthesis import measure
     from lightloom.shared.console import Progress
@@ -167,7 +167,7 @@ def _measured(
             with progress.stage(f"{unit} {preset}", 2 if options.check else 1) as advance:
                 measured.append(measure(unit, preset, source, how, options.clock))
                 advance(1)
-                if options.check and unit in UNITS:
+                if options.check and unit in PURE:
                     assert source is not None
                     row = {"unit": unit, "preset": preset, "library": source.name, "seed": options.seed}
                     checks.append(row | vars(check(measured[-1], source, VECTORS, options.seed)))

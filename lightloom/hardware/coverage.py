@@ -7,29 +7,21 @@ from pathlib import Path
 from typing import Any
 
 from lightloom.golden_model.contract import bitpack
-from lightloom.golden_model.contract.interfaces import OPERATORS, UNITS
-from lightloom.golden_model.models import MODELS
-from lightloom.rtl.catalogue import CATALOGUE
-from lightloom.rtl.config import PRESETS
+from lightloom.golden_model.contract.interfaces import PURE
+from lightloom.golden_model.models import model_results
+from lightloom.hardware.benches import SEED, bench_of
+from lightloom.rtl.catalogue import stream_unit
+from lightloom.rtl.config import Config
 from lightloom.shared.provenance import machine, versions
 from lightloom.sim.bulk import BulkUnit
 from lightloom.sim.coverage import exclusions, read_points, share, untaken
 from lightloom.sim.emitted import emitted
-from lightloom.sim.run_traversal_bench import SMALL, run_traversal_bench
-from lightloom.sim.runner import run_bench
 from lightloom.verif.bins.coverage import Groups, noted, together
-from lightloom.verif.bins.number_bins import number_bins
-from lightloom.verif.bins.ray_bins import ray_bins
-from lightloom.verif.vectors.unit_vectors import many_vectors, unit_vectors
+from lightloom.verif.bins.unit_bins import unit_bins
+from lightloom.verif.vectors.unit_vectors import many_vectors
 
-SEED = 2024
-PRESET = "base"
-OPERANDS = 4000
-"""Of each test of a unit's bench."""
 MANY = 200_000
-"""Random ones of the bulk run that the bins are filled from."""
-RAYS = 3000
-"""Of the traversal unit's bench with all sides stalled."""
+"""Random operands of the bulk run that the bins are filled from."""
 BAR = 0.95
 """Share of the branches that have to be taken; the others have to be explained."""
 
@@ -41,29 +33,16 @@ def measure(unit: str, out: Path) -> dict[str, Any]:
     Raises BenchError or BulkError where the unit is wrong, InputError where a tool is missing.
     """
     started = time.perf_counter()
-    config = PRESETS[PRESET] if unit in UNITS else SMALL
-    verilog = emitted(unit, config)
+    bench, pure = bench_of(unit), unit in PURE
+    verilog = emitted(unit, bench.config)
     (out / f"{unit}.v").write_text(verilog, encoding="utf-8")
     with tempfile.TemporaryDirectory(prefix="lightloom-") as scratch:
         folder = Path(scratch)
-        if unit in UNITS:
-            tests = run_bench(
-                unit,
-                "verilator",
-                operands=unit_vectors(unit, OPERANDS, SEED),
-                seed=SEED,
-                config=config,
-                module="lightloom.verif.benches.test_operators" if unit in OPERATORS else None,
-                folder=folder,
-                coverage=True,
-                verilog=verilog,
-            )
-        else:
-            tests = run_traversal_bench(folder, "verilator", config, rays=RAYS, verilog=verilog, coverage=True)
+        tests = bench.run(folder, bench.config, verilog, True)
         points = read_points(folder / "coverage.dat")
         bins = noted(folder / "bins.jsonl")
-    if unit in UNITS:
-        bins = together([_possible(unit, bins), _tried(unit, verilog)])
+    if pure:
+        bins = together([_possible(unit, bench.config, bins), _tried(unit, bench.config, verilog)])
     counts = {point: count for point, count in points.items() if not is_core(unit, point.module)}
     cores = share(n for point, n in points.items() if point.kind == "branch" and is_core(unit, point.module))
     missed, wrong = untaken(unit, counts, verilog, exclusions())
@@ -74,7 +53,7 @@ def measure(unit: str, out: Path) -> dict[str, Any]:
     return {
         "row": {
             "unit": unit,
-            "configuration": PRESET if unit in UNITS else "small",
+            "configuration": bench.called,
             "tests": tests,
             "branches": counted["branch"][1],
             "branches_taken": counted["branch"][0],
@@ -110,7 +89,7 @@ def measure(unit: str, out: Path) -> dict[str, Any]:
 
 def is_core(unit: str, module: str) -> bool:
     """Whether a module of a unit's Verilog is the core of another unit, which is counted there."""
-    return any(module.startswith(f"{unit}_{other}_") for other in UNITS)
+    return any(module.startswith(f"{unit}_{other}_") for other in PURE)
 
 
 def report_of(measured: Sequence[dict[str, Any]], command: str) -> dict[str, Any]:
@@ -143,7 +122,7 @@ def faults(report: dict[str, Any]) -> list[str]:
     return lines
 
 
-def _possible(unit: str, bins: Groups) -> Groups:
+def _possible(unit: str, config: Config, bins: Groups) -> Groups:
     """The streams' bins but for those that a pipeline without a queue does not have.
 
     It stops as a whole. One that takes an operation a cycle holds its input exactly while its output is held. One that
@@ -151,7 +130,7 @@ def _possible(unit: str, bins: Groups) -> Groups:
     result is there in the cycles in which an operation is taken, where it is odd, in the others.
     """
     never: dict[str, tuple[str, ...]]
-    described = CATALOGUE[unit](PRESETS[PRESET])
+    described = stream_unit(unit, config)
     if described.initiation_interval == 1:
         never = {"input and output": ("held, idle", "held, moves", "moves, held")}
     else:
@@ -166,11 +145,11 @@ def _possible(unit: str, bins: Groups) -> Groups:
     }
 
 
-def _tried(unit: str, verilog: str) -> Groups:
+def _tried(unit: str, config: Config, verilog: str) -> Groups:
     """Bins of the operands of a bulk run, whose results are the model's."""
     operands = many_vectors(unit, MANY, SEED)
-    expected = MODELS[unit](operands)
-    results = BulkUnit(unit, PRESETS[PRESET], verilog=verilog).run(operands)
+    expected = model_results(unit, operands, config.flat())
+    results = BulkUnit(unit, config, verilog=verilog).run(operands)
     if not bitpack.equal(results, expected).all():
         raise AssertionError(f"{unit}: results of many_vectors({unit!r}, {MANY}, {SEED}) are not the model's")
-    return number_bins(unit, operands, results) if unit in OPERATORS else ray_bins(unit, operands, results)
+    return unit_bins(unit, operands, results)

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 from lightloom.golden_model.contract import bitpack
-from lightloom.golden_model.contract.interfaces import ALL, UNITS
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
 
@@ -15,12 +14,13 @@ def unit_row(unit: str, preset: str) -> dict[str, Any]:
 
     Latency and interval are None where they depend on the scene and the memory.
     """
-    component, description = CATALOGUE[unit](PRESETS[preset]), ALL[unit]
+    component = CATALOGUE[unit](PRESETS[preset])
+    description = component.unit
     return {
         "unit": unit,
         "summary": description.summary,
-        "latency": component.latency if unit in UNITS else None,
-        "initiation_interval": component.initiation_interval if unit in UNITS else None,
+        "latency": component.latency,
+        "initiation_interval": component.initiation_interval,
         "input_bits": bitpack.width(description.input),
         "output_bits": bitpack.width(description.output),
     }

@@ -9,7 +9,7 @@ import numpy as np
 
 from lightloom.gen.flow import libraries, netlist
 from lightloom.golden_model.contract import bitpack
-from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.golden_model.models import model_results
 from lightloom.hardware.synthesis import Measured, Source
 from lightloom.rtl.config import PRESETS
@@ -29,12 +29,12 @@ class Check:
 
 def check(measured: Measured, source: Source, count: int, seed: int) -> Check:
     """Sends random operands, and a number unit's corner cases, through the netlist of `measured`, with stalls."""
-    unit = UNITS[measured.unit]
+    unit = PURE[measured.unit]
     text = _text(measured, source)
     operands = many_vectors(unit.name, count, seed)
     config = PRESETS[measured.preset]
     results = BulkUnit(unit.name, config, verilog=text, netlist=True).run(operands, stall_seed=seed + 1)
-    return compare(operands, results, model_results(unit.name, operands, config.tree.width))
+    return compare(operands, results, model_results(unit.name, operands, config.flat()))
 
 
 def compare(operands: np.ndarray, results: np.ndarray, expected: np.ndarray) -> Check:

@@ -1,14 +1,15 @@
 """Replays recorded operands through a Verilated unit and compares every result with the golden model, in all bits."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
 
 from lightloom.golden_model.contract import bitpack
-from lightloom.golden_model.contract.interfaces import UNITS
-from lightloom.golden_model.models import MODELS
+from lightloom.golden_model.contract.interfaces import PURE
+from lightloom.golden_model.models import model_results
 
 CHUNK = 1 << 18
 LISTED = 20
@@ -44,15 +45,24 @@ class Replay:
         return asdict(self)
 
 
-def replay(unit: str, operands: np.ndarray, simulated: Simulated, advance: Callable[[float], None]) -> Replay:
-    """Runs operands (N,) of the unit's input dtype through the simulation and through the unit's model."""
-    description = UNITS[unit]
+def replay(
+    unit: str,
+    operands: np.ndarray,
+    simulated: Simulated,
+    advance: Callable[[float], None],
+    config: Mapping[str, int] = MappingProxyType({}),
+) -> Replay:
+    """Runs operands (N,) of the unit's input dtype through the simulation and through the unit's model.
+
+    `config` is the simulated hardware's, by flat names.
+    """
+    description = PURE[unit]
     names = description.output.names or ()
     outcome = Replay(unit=unit, replayed=len(operands), differing_bits=dict.fromkeys(names, 0))
     seconds = 0.0
     for start in range(0, len(operands), CHUNK):
         chunk = operands[start : start + CHUNK]
-        got, want = simulated.run(chunk), MODELS[unit](chunk)
+        got, want = simulated.run(chunk), model_results(unit, chunk, config)
         outcome.cycles += simulated.cycles
         seconds += len(chunk) / simulated.throughput if simulated.throughput else 0.0
         if "hit" in names:

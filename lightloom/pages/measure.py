@@ -16,11 +16,10 @@ from pathlib import Path
 from lightloom.bench.traversal import DRAGON
 from lightloom.bench.tree import BUNNY
 from lightloom.gen.flow import tools
-from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.golden_model.contract.interfaces import PURE, UNITS
 from lightloom.golden_model.host.outputs import whole_file
 
 FOLDER = Path("build/results")
-SYSTEM = "traversal"
 SCENES = [word for scene in ("cornell-box", str(BUNNY), str(DRAGON)) for word in ("--scene", scene)]
 MACROS = "RM_IHPSG13_1P_*_typ_1p20V_25C.lib"
 """Memory macros of IHP SG13G2; ASAP7 has none."""
@@ -35,7 +34,7 @@ def parts(root: Path) -> dict[str, list[str]]:
         "ihp-typ-full": [*ihp, "--preset", "full"],
         "asap7-full": [*asap7, "--preset", "full"],
     }
-    units = list(UNITS)
+    units = list(PURE)
     macros = [word for path in sorted(root.rglob(MACROS)) for word in ("--macros", str(path))]
     named = {
         "proofs": ["prove"],
@@ -46,11 +45,12 @@ def parts(root: Path) -> dict[str, list[str]]:
     named |= {f"synth-{name}": ["synth", *units, *options] for name, options in libraries.items()}
     named |= {"synth-check": ["synth", *units, *libraries["ihp-slow-base"], "--check"]}
     named |= {"gates": ["synth", *units, *presets]}
-    named |= {"fpga": ["fpga", SYSTEM, "--speed", "8"]}
+    systems = [unit for unit in UNITS if unit not in PURE]
+    named |= {"fpga": ["fpga", *systems, "--speed", "8"]}
     for name, options in libraries.items():
         tiled = macros if name.startswith("ihp") else []
-        named[f"synth-{name}-{SYSTEM}"] = ["synth", SYSTEM, *options, *tiled]
-    return named | {f"gates-{SYSTEM}": ["synth", SYSTEM, "--preset", "base"]}
+        named |= {f"synth-{name}-{unit}": ["synth", unit, *options, *tiled] for unit in systems}
+    return named | {f"gates-{unit}": ["synth", unit, "--preset", "base"] for unit in systems}
 
 
 def run(name: str, arguments: Sequence[str]) -> bool:

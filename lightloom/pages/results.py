@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from lightloom.gen.pages.coverage_page import percent, totals
-from lightloom.golden_model.contract.interfaces import SYSTEMS
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
 from lightloom.shared.provenance import commands_at
@@ -207,7 +207,7 @@ def mapped(reports: Sequence[Report]) -> Iterator[str]:
             asked = ", ".join(f"{clock:g}" for clock in clocks)
             yield f"Clock period asked for, which the access time of memories is half of: {asked} ns.\n"
         memories = [row for row in _sorted(ours, "memories") if row["macro"]]
-        if any(row["unit"] in SYSTEMS for row in rows):
+        if any(row["unit"] not in PURE for row in rows):
             yield AREA_TEXT
             yield (_macros_text(memories, clocks) if memories else WITHOUT_MACROS)
         yield _rows(rows, MAPPED) + "\n"

@@ -9,12 +9,13 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from amaranth import Const, Module, Signal, Value
-from amaranth.lib import stream, wiring
+from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.fabric.float_format import FLOAT32, FloatFormat
-from lightloom.rtl.fabric.layouts import layout_of, packet_of
+from lightloom.rtl.fabric.layouts import layout_of
+from lightloom.rtl.fabric.unit import UnitComponent
 
 Step = Callable[..., Mapping[str, Any]]
 
@@ -30,7 +31,7 @@ class Core(wiring.Component):
     initiation_interval = 1
 
     def __init__(self, unit: str, latency: int, format: FloatFormat = FLOAT32):
-        self.unit = UNITS[unit]
+        self.unit = PURE[unit]
         self.latency = latency
         self.format = format
         i, o = (layout_of(dtype, format.width) for dtype in (self.unit.input, self.unit.output))
@@ -124,30 +125,21 @@ def named(m: Module, value: Any, name: str) -> Value:
     return wire
 
 
-class StreamUnit(wiring.Component):
+class StreamUnit(UnitComponent):
     """A core between two streams, with a tag that travels with each operation; results keep the operands' order.
 
     The whole pipeline stops while a result waits at the output and `o.ready` is low, and moves otherwise. Latency and
     initiation interval are the core's. `i.ready` depends combinationally on `o.ready`, never on `i.valid`.
     """
 
+    latency: int
+    initiation_interval: int
+
     def __init__(self, core: Core, tag_width: int):
         self.core = core
-        self.tag_width = tag_width
-        super().__init__(
-            {
-                "i": In(stream.Signature(packet_of(core.unit.input, tag_width, core.format.width))),
-                "o": Out(stream.Signature(packet_of(core.unit.output, tag_width, core.format.width))),
-            }
-        )
-
-    @property
-    def latency(self) -> int:
-        return self.core.latency
-
-    @property
-    def initiation_interval(self) -> int:
-        return self.core.initiation_interval
+        self.latency = core.latency
+        self.initiation_interval = core.initiation_interval
+        super().__init__(core.unit, tag_width, float_width=core.format.width)
 
     def elaborate(self, platform: object) -> Module:
         m = Module()

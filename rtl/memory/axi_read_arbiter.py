@@ -4,6 +4,7 @@ from amaranth import Cat, Module, Mux, ResetInserter, Signal
 from amaranth.lib import data
 from amaranth.lib.wiring import Component, In, Out
 
+from lightloom.rtl.fabric.counters import Counter
 from lightloom.rtl.fabric.one_hot import any_of, next_of, number_of
 from lightloom.rtl.fabric.queues import Buffer
 from lightloom.rtl.memory.axi import AxiRead
@@ -22,6 +23,10 @@ class AxiReadArbiter(Component):
     are to be held in reset by it. The end is there when as many beats have come as were asked for; or, while `timed` is
     high, when from one `tick` to the next there was no address and no beat, however many have come.
     """
+
+    COUNTERS = (
+        Counter("beats", "beats of data from the memory", lambda arbiter: arbiter.m_axi.rvalid & arbiter.m_axi.rready),
+    )
 
     def __init__(self, count: int, *, reads: int, address_width: int, data_width: int, id_width: int):
         """`id_width` is that of the masters, which have at most `reads` bursts of a block each under way in all."""

@@ -15,6 +15,7 @@ from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
+from lightloom.rtl.fabric.counters import Counter
 from lightloom.rtl.fabric.queues import FreeList, PassingQueue, number_width
 from lightloom.rtl.memory.axi import INCR, OFFSET_BITS, AxiRead
 from lightloom.rtl.memory.block_answers import BlockAnswers, block_answer
@@ -43,6 +44,15 @@ class BlockCache(wiring.Component):
     has to wait for that; otherwise nothing happens. `prefetching`: a request is inside, or a block is on its way that
     nobody has asked for. `crowded`: many reads wait for the port.
     """
+
+    COUNTERS = (
+        Counter("hits", "blocks found in the cache", lambda cache: cache.hit),
+        Counter("misses", "blocks that were not there, and that the memory was asked for", lambda cache: cache.miss),
+        Counter("merged", "blocks that it was waiting for already", lambda cache: cache.merged),
+    )
+    PREFETCHES = Counter(
+        "prefetches", "blocks that the memory was asked for before a ray did", lambda cache: cache.prefetched
+    )
 
     def __init__(
         self,

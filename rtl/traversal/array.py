@@ -3,27 +3,22 @@
 """Several traversal units that share one stream of rays, one of results and one memory port."""
 
 from amaranth import Cat, Const, Module, Mux, ResetInserter, Signal, Value
-from amaranth.lib import stream, wiring
-from amaranth.lib.wiring import In, Out
+from amaranth.lib import wiring
 
-from lightloom.golden_model.contract.formats import RAY_QUERY, RAY_RESULT
-from lightloom.golden_model.contract.interfaces import COUNTERS
 from lightloom.rtl.config import Config
-from lightloom.rtl.fabric.layouts import packet_of
 from lightloom.rtl.fabric.one_hot import any_of, next_of
 from lightloom.rtl.fabric.queues import Buffer
+from lightloom.rtl.fabric.unit import UnitComponent
 from lightloom.rtl.memory.axi_read_arbiter import AxiReadArbiter
-from lightloom.rtl.memory.read_timer import TIMEOUT_BITS
-from lightloom.rtl.traversal.counters import COUNTER_BITS
-from lightloom.rtl.traversal.unit import Traversal
+from lightloom.rtl.traversal.unit import COUNTERS, Traversal
 
 
-def traversal(config: Config) -> wiring.Component:
+def traversal(config: Config) -> UnitComponent:
     """`config.traversal.units` traversal units behind the ports of one."""
     return Traversal(config) if config.traversal.units == 1 else TraversalArray(config)
 
 
-class TraversalArray(wiring.Component):
+class TraversalArray(UnitComponent):
     """`config.traversal.units` units, at least two, with the ports of one (`rtl.traversal.unit`).
 
     A ray goes to a unit that is ready, results come from one that has one, both in turn. Results pass a buffer, and so
@@ -45,24 +40,7 @@ class TraversalArray(wiring.Component):
             data_width=axi.data_width,
             id_width=axi.id_width,
         )
-        self._result = packet_of(RAY_RESULT, config.streams.tag_width)
-        super().__init__(
-            {
-                "i": In(stream.Signature(packet_of(RAY_QUERY, config.streams.tag_width))),
-                "o": Out(stream.Signature(self._result)),
-                "m_axi": Out(self._arbiter.m_axi.signature),
-                "load": In(1),
-                "base": In(config.memory.address_width),
-                "loaded": Out(1),
-                "load_error": Out(len(unit.load_error)),
-                "overlap": In(len(unit.overlap)),
-                "read_timeout": In(TIMEOUT_BITS),
-                "abort": In(1),
-                "aborting": Out(1),
-                "count_clear": In(1),
-                **{f"count_{name}": Out(COUNTER_BITS) for name in COUNTERS},
-            }
-        )
+        super().__init__(unit.unit, config.streams.tag_width, memory=self._arbiter.m_axi.signature, ports=unit.ports)
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
@@ -91,7 +69,7 @@ class TraversalArray(wiring.Component):
             m.d.comb += [unit.i.payload.eq(self.i.payload), unit.i.valid.eq(takes & chosen[k])]
 
         # The buffer's `ready` does not wait for `valid`, so that the choice may change until a result is taken.
-        results = Buffer(self._result)
+        results = Buffer(self.o.payload.shape())
         m.submodules.results = ResetInserter(self.aborting)(results)
         gives = Signal()
         chosen = next_of(m, "giver", Cat(unit.o.valid for unit in units), gives)
@@ -108,8 +86,8 @@ class TraversalArray(wiring.Component):
         for unit in reversed(units):
             with m.If(unit.load_error != 0):
                 m.d.comb += self.load_error.eq(unit.load_error)
-        for name in COUNTERS:
-            count = f"count_{name}"
+        for one in COUNTERS:
+            count = f"count_{one.name}"
             total = sum((getattr(unit, count) for unit in units), Const(0))
             # An abort leaves nothing behind it, though the sum comes a cycle late.
             m.d.sync += getattr(self, count).eq(Mux(self.aborting, 0, total))

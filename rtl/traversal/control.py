@@ -10,6 +10,7 @@ from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.counters import Counter
 from lightloom.rtl.fabric.one_hot import next_of, number_of
 from lightloom.rtl.traversal.free_contexts import FreeContexts
 from lightloom.rtl.traversal.masks import one_hot, only_if
@@ -56,6 +57,11 @@ class Control(wiring.Component):
     - `idle`: no ray is in a context.
     - `visit`, `revisit`: a node was visited, with a rank above 0. What is wrong with a block makes it no visit.
     """
+
+    COUNTERS = (
+        Counter("node_tests", "nodes visited", lambda control: control.visit),
+        Counter("revisits", "of these again, for the rest of their children", lambda control: control.revisit),
+    )
 
     def __init__(self, config: Config):
         self._config = config

@@ -9,6 +9,7 @@ from amaranth.lib.wiring import In, Out
 
 from lightloom.golden_model.contract.formats import BLOCK_BYTES, LEAF_RAY, TRACE_ERRORS, TRIANGLE_BLOCK, TRIANGLES_KIND
 from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.counters import Counter
 from lightloom.rtl.fabric.layouts import layout_of
 from lightloom.rtl.intersection.ray_triangle import RayTriangle, RayTriangleHalf
 from lightloom.rtl.traversal.best_hits import TIMED, BestHits
@@ -37,6 +38,19 @@ class LeafStage(wiring.Component):
     - `test`, `starved`, `stalled`: exactly one is high in a cycle: the core gets a test; there is nothing to test; the
       block that is there has nothing to be tested, or has to wait for the core.
     """
+
+    COUNTERS = (
+        Counter("triangle_tests", "triangles tested", lambda leaves: leaves.test),
+        Counter(
+            "leaf_visits", "blocks of triangles visited", lambda leaves: leaves.done.valid & (leaves.done.error == 0)
+        ),
+        Counter("triangle_busy", "cycles in which a triangle entered the triangle test", lambda leaves: leaves.test),
+        Counter(
+            "triangle_stalled",
+            "cycles for a block of which the ray sees no triangle, and of waiting where a test takes two",
+            lambda leaves: leaves.stalled,
+        ),
+    )
 
     def __init__(self, config: Config):
         self._core = {1: RayTriangle, 2: RayTriangleHalf}[config.triangle_test.interval](config)

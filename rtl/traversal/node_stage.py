@@ -10,6 +10,7 @@ from amaranth.lib.wiring import In, Out
 
 from lightloom.golden_model.contract.formats import BLOCK_BYTES, NODE_BLOCK, NODE_KIND, TRACE_ERRORS
 from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.counters import Counter
 from lightloom.rtl.fabric.layouts import layout_of
 from lightloom.rtl.fabric.pipeline import register
 from lightloom.rtl.intersection.node_test import NodeTest
@@ -40,6 +41,13 @@ class NodeStage(wiring.Component):
     - `tested`, `starved`, `stalled`: exactly one is high in a cycle: a node went in; none was there; one was there, or
       is inside, and the result was not taken.
     """
+
+    COUNTERS = (
+        Counter("node_busy", "cycles in which a block entered the node test", lambda nodes: nodes.tested),
+        Counter(
+            "node_stalled", "cycles in which the node test had to wait for the stacks", lambda nodes: nodes.stalled
+        ),
+    )
 
     def __init__(self, config: Config):
         self._core = NodeTest(config)

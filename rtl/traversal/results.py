@@ -7,6 +7,7 @@ from amaranth.lib.wiring import In, Out
 
 from lightloom.golden_model.contract.formats import HIT, RAY_RESULT, TRACE_ERRORS
 from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.counters import Counter
 from lightloom.rtl.fabric.layouts import packet_of
 from lightloom.rtl.traversal.intake import ray_status
 from lightloom.rtl.traversal.records import Ports, failure, strobe
@@ -24,6 +25,15 @@ class Results(wiring.Component):
     - `release`: strobe, nothing of the context is needed any more.
     - `o`: stream of RAY_RESULT with the ray's tag.
     """
+
+    COUNTERS = (
+        Counter("rays", "results given", lambda results: results.o.valid & results.o.ready),
+        Counter(
+            "errors",
+            "rays that failed",
+            lambda results: results.o.valid & results.o.ready & (results.o.payload.data.error != 0),
+        ),
+    )
 
     def __init__(self, config: Config):
         self._contexts = config.traversal.contexts

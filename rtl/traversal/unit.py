@@ -6,19 +6,19 @@ from dataclasses import dataclass, fields
 from functools import partial
 
 from amaranth import Module, ResetInserter, Signal, Value
-from amaranth.lib import stream, wiring
-from amaranth.lib.wiring import In, Out
+from amaranth.lib import wiring
 
-from lightloom.golden_model.contract.formats import LEAF_RAY, RAY_QUERY, RAY_RESULT
-from lightloom.golden_model.contract.interfaces import COUNTERS
+from lightloom.golden_model.contract.formats import LEAF_RAY, LOAD_ERRORS
+from lightloom.golden_model.contract.interfaces import UNITS
 from lightloom.rtl.config import Config
-from lightloom.rtl.fabric.layouts import packet_of
+from lightloom.rtl.fabric.counters import Counter, Counters, within
 from lightloom.rtl.fabric.queues import Queue, number_width
+from lightloom.rtl.fabric.unit import Port, Role, UnitComponent, counter_ports
 from lightloom.rtl.memory.axi_read_arbiter import AxiReadArbiter
+from lightloom.rtl.memory.block_cache import BlockCache
 from lightloom.rtl.memory.header_reader import HeaderReader
 from lightloom.rtl.memory.read_timer import TIMEOUT_BITS, ReadTimer
 from lightloom.rtl.traversal.control import Control
-from lightloom.rtl.traversal.counters import COUNTER_BITS, Counters
 from lightloom.rtl.traversal.intake import LATTICE, Intake
 from lightloom.rtl.traversal.leaf import LeafStage
 from lightloom.rtl.traversal.loader import Loader
@@ -33,7 +33,10 @@ MASTERS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class _Parts:
-    """What a unit is made of beside the arbiter; an abort resets all but the timer."""
+    """What a unit is made of; an abort resets all but the arbiter and the timer."""
+
+    arbiter: AxiReadArbiter
+    timer: ReadTimer
 
     loader: Loader
     header_reader: HeaderReader
@@ -46,7 +49,6 @@ class _Parts:
     node_blocks: VisitedBlocks
     triangle_blocks: VisitedBlocks
     leaf_addresses: Queue
-    timer: ReadTimer
 
     @property
     def idle(self) -> Value:
@@ -54,7 +56,26 @@ class _Parts:
         return self.intake.idle & self.control.idle
 
 
-class Traversal(wiring.Component):
+COUNTERS = (
+    Counter("cycles", "cycles in which a ray was in the unit", lambda parts: ~parts.idle),
+    *within(lambda parts: parts.results, Results.COUNTERS),
+    *within(lambda parts: parts.control, Control.COUNTERS),
+    *within(lambda parts: parts.nodes, NodeStage.COUNTERS),
+    Counter("node_starved", "cycles in which there was none", lambda parts: parts.nodes.starved & ~parts.idle),
+    *within(lambda parts: parts.leaves, LeafStage.COUNTERS),
+    Counter(
+        "triangle_starved",
+        "cycles in which there was no block of triangles",
+        lambda parts: parts.leaves.starved & ~parts.idle,
+    ),
+    *within(lambda parts: parts.node_blocks.cache, BlockCache.COUNTERS, "node_"),
+    *within(lambda parts: parts.triangle_blocks.cache, (*BlockCache.COUNTERS, BlockCache.PREFETCHES), "triangle_"),
+    *within(lambda parts: parts.arbiter, AxiReadArbiter.COUNTERS),
+)
+"""Of `_Parts`. Busy, starved and stalled cycles of either test add up to `cycles`."""
+
+
+class Traversal(UnitComponent):
     """Traces `config.traversal.contexts` rays at a time (docs/traversal_unit.md).
 
     Ports:
@@ -70,7 +91,7 @@ class Traversal(wiring.Component):
       have been answered, or with a `read_timeout` until the memory has been silent for so long; no ray is taken
       meanwhile, and a `load` is lost. Then all is as after a reset.
     - `overlap`: how many visits of a ray may be under way, 1 to `config.traversal.overlap`.
-    - `count_<name>`: counters (`rtl.traversal.counters`); `count_clear` sets them to 0.
+    - `count_<name>`: counters (COUNTERS); `count_clear` sets them to 0.
     """
 
     def __init__(self, config: Config):
@@ -86,22 +107,49 @@ class Traversal(wiring.Component):
         """Greatest number of reads under way."""
         self._arbiter = AxiReadArbiter(MASTERS, reads=self.reads, **ports)
         super().__init__(
-            {
-                "i": In(stream.Signature(packet_of(RAY_QUERY, config.streams.tag_width))),
-                "o": Out(stream.Signature(packet_of(RAY_RESULT, config.streams.tag_width))),
-                "m_axi": Out(self._arbiter.m_axi.signature),
-                "load": In(1),
-                "base": In(config.memory.address_width),
-                "loaded": Out(1),
-                "load_error": Out(len(self._header.load_error)),
-                "overlap": In(config.traversal.overlap_bits),
-                "read_timeout": In(TIMEOUT_BITS),
-                "abort": In(1),
-                "aborting": Out(1),
-                "count_clear": In(1),
-                **{f"count_{name}": Out(COUNTER_BITS) for name in COUNTERS},
-            }
+            UNITS["traversal"],
+            config.streams.tag_width,
+            memory=self._arbiter.m_axi.signature,
+            ports=self._described(config) | counter_ports(COUNTERS),
         )
+
+    def _described(self, config: Config) -> dict[str, Port]:
+        """The ports beside streams, memory and counters."""
+        return {
+            "load": Port(role=Role.STROBE, meaning="reads the header of the tree at `base`; rays wait meanwhile"),
+            "base": Port(
+                width=config.memory.address_width,
+                role=Role.CONTROL,
+                meaning="byte address of the tree, a multiple of 64 (refused otherwise)",
+            ),
+            "loaded": Port(role=Role.STATUS, meaning="a usable tree is loaded"),
+            "load_error": Port(
+                width=len(self._header.load_error),
+                role=Role.STATUS,
+                meaning="why the last header was refused, 0 if it was not",
+                values=LOAD_ERRORS,
+            ),
+            "overlap": Port(
+                width=config.traversal.overlap_bits,
+                role=Role.CONTROL,
+                meaning="greatest number of visits of one ray in flight, from 1 (strict order) up",
+            ),
+            "read_timeout": Port(
+                width=TIMEOUT_BITS,
+                role=Role.CONTROL,
+                tie=0,
+                meaning="cycles after which, within as many again, an unanswered read fails, and an abort ends; "
+                "0: never",
+            ),
+            "abort": Port(
+                role=Role.STROBE,
+                tie=0,
+                meaning="forgets rays and tree; reads under way are finished, their data dropped; then all is as after "
+                "a reset",
+            ),
+            "aborting": Port(role=Role.STATUS, meaning="an abort waits for reads under way"),
+            "count_clear": Port(role=Role.STROBE, tie=0, meaning="sets all counters to zero"),
+        }
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
@@ -121,6 +169,8 @@ class Traversal(wiring.Component):
         blocks = partial(VisitedBlocks, visits=config.traversal.visits, axi=self._ports)
         leaves = LeafStage(config)
         parts = _Parts(
+            arbiter=self._arbiter,
+            timer=timer,
             loader=Loader(config.memory.address_width),
             header_reader=self._header,
             intake=Intake(config),
@@ -128,14 +178,13 @@ class Traversal(wiring.Component):
             nodes=NodeStage(config),
             leaves=leaves,
             results=Results(config),
-            counters=Counters(),
+            counters=Counters(one.name for one in COUNTERS),
             node_blocks=blocks(cache=config.node_cache, visit=node_visit(config)),
             triangle_blocks=blocks(cache=config.triangle_cache, visit=leaf_visit(config)),
             leaf_addresses=Queue(ADDRESS_BITS, leaves.latency + 2),
-            timer=timer,
         )
         for field in fields(parts):
-            if field.name != "timer":
+            if field.name not in ("arbiter", "timer"):
                 m.submodules[field.name] = ResetInserter(self._arbiter.aborting)(getattr(parts, field.name))
         return parts
 
@@ -258,32 +307,9 @@ class Traversal(wiring.Component):
         wiring.connect(m, arbiter.m_axi, wiring.flipped(self.m_axi))
 
     def _count(self, m: Module, parts: _Parts) -> None:
-        """Counters: what each of them counts."""
-        control, nodes, leaves = parts.control, parts.nodes, parts.leaves
-        given = self.o.valid & self.o.ready
-        busy = ~parts.idle
-        events = {
-            "cycles": busy,
-            "rays": given,
-            "node_tests": control.visit,
-            "revisits": control.revisit,
-            "triangle_tests": leaves.test,
-            "leaf_visits": leaves.done.valid & (leaves.done.error == 0),
-            "node_busy": nodes.tested,
-            "node_starved": nodes.starved & busy,
-            "node_stalled": nodes.stalled,
-            "triangle_busy": leaves.test,
-            "triangle_starved": leaves.starved & busy,
-            "triangle_stalled": leaves.stalled,
-            "beats": self.m_axi.rvalid & self.m_axi.rready,
-            "errors": given & (self.o.payload.data.error != 0),
-            "triangle_prefetches": parts.triangle_blocks.cache.prefetched,
-        }
-        for name, cache in (("node", parts.node_blocks.cache), ("triangle", parts.triangle_blocks.cache)):
-            events |= {f"{name}_hits": cache.hit, f"{name}_misses": cache.miss, f"{name}_merged": cache.merged}
         m.d.comb += parts.counters.clear.eq(self.count_clear)
-        for name in COUNTERS:
+        for one in COUNTERS:
             m.d.comb += [
-                getattr(parts.counters, f"event_{name}").eq(events[name]),
-                getattr(self, f"count_{name}").eq(getattr(parts.counters, f"count_{name}")),
+                getattr(parts.counters, f"event_{one.name}").eq(one.event(parts)),
+                getattr(self, f"count_{one.name}").eq(getattr(parts.counters, f"count_{one.name}")),
             ]

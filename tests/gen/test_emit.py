@@ -13,7 +13,7 @@ import pytest
 
 from lightloom.gen.emit import emit
 from lightloom.golden_model.contract import bitpack
-from lightloom.golden_model.contract.interfaces import ALL
+from lightloom.golden_model.contract.interfaces import UNITS
 from lightloom.golden_model.host.errors import InputError
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
@@ -40,8 +40,8 @@ def test_manifest_agrees_with_verilog(base: Path, unit: str) -> None:
 
     widths = {port["name"]: port["width"] for port in manifest["ports"]}
     tag_width = PRESETS["base"].streams.tag_width
-    assert widths["i__payload"] == bitpack.width(ALL[unit].input) + tag_width
-    assert widths["o__payload"] == bitpack.width(ALL[unit].output) + tag_width
+    assert widths["i__payload"] == bitpack.width(UNITS[unit].input) + tag_width
+    assert widths["o__payload"] == bitpack.width(UNITS[unit].output) + tag_width
     for port in manifest["ports"]:
         if "fields" in port:  # they fill the payload without a gap
             ends = [field["offset"] + field["width"] for field in port["fields"]]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from lightloom.gen.flow import libraries, timing, tools
-from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.hardware import netlist_check, synthesis
 from lightloom.pages import results
 from lightloom.pages.measure import parts
@@ -49,7 +49,7 @@ def test_netlist_of_a_unit(cli: Run, tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("unit", PURE)
 def test_netlist_of_every_unit(unit: str) -> None:
     source = synthesis.Source(name="twelve", files=(TWELVE,), period=libraries.PERIOD)
     measured = synthesis.measure(unit, "base", source, synthesis.Options())

@@ -6,7 +6,7 @@ import numpy as np
 
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.models import model_results
-from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.catalogue import stream_unit
 from lightloom.rtl.config import PRESETS
 from lightloom.sim.bulk import BulkUnit
 
@@ -38,7 +38,7 @@ def assert_agrees(unit: str, preset: str, operands: np.ndarray, origin: str) -> 
     """
     assert len(operands)
     bulk = bulk_unit(unit, preset)
-    expected, got = model_results(unit, operands, PRESETS[preset].tree.width), bulk.run(operands)
+    expected, got = model_results(unit, operands, PRESETS[preset].flat()), bulk.run(operands)
     wrong = np.flatnonzero(~bitpack.equal(expected, got))
     lines = [f"{unit} ({preset}, {origin}): {len(wrong)} of {len(operands)} results differ"]
     for k in wrong[:SHOWN]:
@@ -46,7 +46,7 @@ def assert_agrees(unit: str, preset: str, operands: np.ndarray, origin: str) -> 
         lines += [f"vector {k}: {fields_in_hex(operands[one])}"]
         lines += [f"  model {fields_in_hex(expected[one])}", f"  unit  {fields_in_hex(got[one])}"]
     assert not len(wrong), "\n".join(lines)
-    stated = CATALOGUE[unit](PRESETS[preset])
+    stated = stream_unit(unit, PRESETS[preset])
     assert bulk.latency == stated.latency
     assert bulk.cycles <= len(operands) * stated.initiation_interval + bulk.latency + SLACK, "not at full rate"
     return got

@@ -7,7 +7,7 @@ import pytest
 
 from lightloom.golden_model.contract.bitpack import equal, pack, unpack
 from lightloom.golden_model.contract.formats import WIDTH
-from lightloom.golden_model.models import MODELS, model_results
+from lightloom.golden_model.models import model_results
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS, Config
 from lightloom.rtl.intersection.box_axis import STEPS
@@ -42,7 +42,7 @@ def test_the_vectors_reach_every_case() -> None:
     """Otherwise agreement means little."""
     tests = node_test_vectors(50_000, SEED)
     assert (unpack(pack(tests), tests.dtype) == tests).all(), "a field holds more than its bits"
-    hits = MODELS["node_test"](tests)
+    hits = model_results("node_test", tests, PRESETS["base"].flat())
     assert (np.bincount(hits["count"], minlength=WIDTH + 1) > 500).all()
     listed = np.arange(WIDTH - 1) < hits["count"][:, None].astype(int) - 1
     later, same = hits["entry"][:, :-1] < hits["entry"][:, 1:], hits["entry"][:, :-1] == hits["entry"][:, 1:]
@@ -50,7 +50,7 @@ def test_the_vectors_reach_every_case() -> None:
     assert ((later & turned & listed).sum() > 5000) & ((same & listed).sum() > 5000)
     assert {*np.unique(tests["exponent"])} == set(range(16))
     assert {*np.unique(tests["steepness"])} == {*np.unique(tests["coarseness"])} == set(range(32))
-    rays = MODELS["box_setup"](box_setup_vectors(50_000, SEED))
+    rays = model_results("box_setup", box_setup_vectors(50_000, SEED))
     assert 0.1 < rays["blind"].mean() < 0.4
     assert {*np.unique(rays["steepness"])} == set(range(28))
     assert {*np.unique(rays["coarseness"])} == set(range(32))
@@ -59,7 +59,7 @@ def test_the_vectors_reach_every_case() -> None:
 @pytest.mark.parametrize("unit", VECTORS)
 def test_results_survive_stalls(unit: str) -> None:
     operands = VECTORS[unit](20_000, SEED)
-    expected = model_results(unit, operands, PRESETS["tiny"].tree.width)
+    expected = model_results(unit, operands, PRESETS["tiny"].flat())
     assert equal(bulk_unit(unit, "tiny").run(operands, stall_seed=SEED), expected).all()
 
 
@@ -79,6 +79,6 @@ def test_latencies(config: Config) -> None:
 def test_every_depth(depth: int) -> None:
     config = PRESETS["tiny"].but(node_test_depth=depth)
     operands = node_test_vectors(20_000, SEED)
-    unit, expected = BulkUnit("node_test", config), model_results("node_test", operands, config.tree.width)
+    unit, expected = BulkUnit("node_test", config), model_results("node_test", operands, config.flat())
     assert equal(unit.run(operands), expected).all(), f"node_test_vectors(20_000, {SEED})"
     assert unit.latency == depth

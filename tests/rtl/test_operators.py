@@ -12,8 +12,8 @@ from amaranth.hdl import Fragment, UnusedElaboratable
 from lightloom.gen.verilog import verilog_of
 from lightloom.golden_model.contract.formats import field_width
 from lightloom.golden_model.contract.interfaces import OPERATORS
-from lightloom.golden_model.models import MODELS
-from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.golden_model.models import model_results
+from lightloom.rtl.catalogue import stream_unit
 from lightloom.rtl.config import PRESETS, Config
 from lightloom.rtl.fabric.float_format import FLOAT32
 from lightloom.rtl.fabric.pipeline import StepCore, StreamUnit
@@ -40,7 +40,7 @@ def core_of(name: str) -> type[StepCore]:
 
 
 def latency(name: str, config: Config) -> int:
-    unit = CATALOGUE[name](config)
+    unit = stream_unit(name, config)
     Fragment.get(unit, None)  # Amaranth warns of components that are never elaborated
     return unit.latency
 
@@ -49,7 +49,7 @@ def check(name: str, config: Config) -> None:
     operands = np.concatenate([corner_vectors(name), random_vectors(name, RANDOM, SEED)])
     bulk = BulkUnit(name, config)
     results = {
-        "model": MODELS[name](operands),
+        "model": model_results(name, operands),
         "SoftFloat": softfloat_results(name, operands),
         "RTL": bulk.run(operands),
     }
@@ -94,7 +94,7 @@ def test_a_wrong_bit_is_found() -> None:
     assert broken != good
     operands = corner_vectors("float_compare")
     results = {
-        "model": MODELS["float_compare"](operands),
+        "model": model_results("float_compare", operands),
         "RTL": BulkUnit("float_compare", PRESETS["tiny"], verilog=broken).run(operands),
     }
     report = differences(operands, "corner_vectors('float_compare')", results)

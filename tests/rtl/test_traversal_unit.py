@@ -24,7 +24,6 @@ from lightloom.golden_model.contract.formats import (
     TRACE_ERRORS,
     TRIANGLE,
 )
-from lightloom.golden_model.contract.interfaces import COUNTERS
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.stimuli.ray_families import RAY_FAMILIES
 from lightloom.golden_model.tracing.wide_bvh.encode import build_wide
@@ -33,7 +32,7 @@ from lightloom.rtl.config import PRESETS
 from lightloom.rtl.fabric.one_hot import next_of
 from lightloom.rtl.traversal.loader import Loader
 from lightloom.rtl.traversal.masks import Counts, minus, one_hot, plus
-from lightloom.rtl.traversal.unit import Traversal
+from lightloom.rtl.traversal.unit import COUNTERS, Traversal
 from lightloom.sim.emitted import emitted
 from lightloom.sim.traversal import TraversalRun, TraversalUnit
 from tests import ROOT
@@ -516,5 +515,5 @@ def test_lint(tmp_path: Path) -> None:
 
 def test_every_counter_is_documented() -> None:
     page = (ROOT / "docs" / "traversal_unit.md").read_text(encoding="utf-8")
-    for name, meaning in COUNTERS.items():
-        assert f"| `{name}` | {meaning} |" in page
+    for one in COUNTERS:
+        assert f"| `{one.name}` | {one.meaning} |" in page

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from lightloom.gen.verilog import verilog_of
-from lightloom.golden_model.contract.interfaces import OPERATORS, UNITS
+from lightloom.golden_model.contract.interfaces import OPERATORS, PURE
 from lightloom.rtl.config import PRESETS
 from lightloom.sim.runner import BenchError, run_bench
 from lightloom.verif.vectors.unit_vectors import unit_vectors
@@ -24,14 +24,13 @@ def bench(unit: str, simulator: str, folder: Path, preset: str = "base", verilog
         operands=unit_vectors(unit, COUNT[simulator][unit not in OPERATORS], SEED),
         seed=SEED,
         config=PRESETS[preset],
-        module="lightloom.verif.benches.test_operators" if unit in OPERATORS else None,
         folder=folder,
         verilog=verilog,
     )
 
 
 @pytest.mark.parametrize("simulator", SIMULATORS)
-@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize("unit", PURE)
 def test_bench(unit: str, simulator: str, tmp_path: Path) -> None:
     assert bench(unit, simulator, tmp_path) == 8
 

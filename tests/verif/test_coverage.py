@@ -6,23 +6,46 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import FLOAT
-from lightloom.golden_model.contract.interfaces import UNITS
-from lightloom.golden_model.models import MODELS
-from lightloom.verif.bins.coverage import BINS, Groups, StreamCycles, cases, note, noted, together
-from lightloom.verif.bins.number_bins import BINS as NUMBER_BINS
-from lightloom.verif.bins.number_bins import number_bins, rounding, signed
-from lightloom.verif.bins.ray_bins import BINS as RAY_BINS
-from lightloom.verif.vectors.unit_vectors import VECTORS
+from lightloom.golden_model.contract.interfaces import PURE
+from lightloom.golden_model.models import model_results
+from lightloom.verif.bins import coverage
+from lightloom.verif.bins.coverage import Groups, StreamCycles, cases, note, noted, together
+from lightloom.verif.bins.number_bins import rounding, signed
+from lightloom.verif.bins.unit_bins import BINS, any_bins, unit_bins
+from lightloom.verif.vectors.any_vectors import any_vectors
+from lightloom.verif.vectors.unit_vectors import VECTORS, unit_vectors
 
 
 def filled(bins: dict[str, int]) -> set[str]:
     return {name for name, count in bins.items() if count}
 
 
-def test_every_unit_has_bins_and_vectors() -> None:
-    assert {*NUMBER_BINS, *RAY_BINS} == set(UNITS)
-    assert set(VECTORS) == set(RAY_BINS)
+def test_bins_and_vectors_are_those_of_units() -> None:
+    assert set(BINS) <= set(PURE)
+    assert set(VECTORS) <= set(BINS)
+
+
+@pytest.mark.parametrize("unit", PURE)
+def test_a_unit_without_vectors_of_its_own_gets_some(unit: str) -> None:
+    dtype = PURE[unit].input
+    operands = any_vectors(dtype, 3000, 7)
+    assert operands.dtype == dtype
+    assert operands.tobytes() == any_vectors(dtype, 3000, 7).tobytes() != any_vectors(dtype, 3000, 8).tobytes()
+    assert bitpack.equal(bitpack.unpack(bitpack.pack(operands), dtype), operands).all()
+    groups = any_bins(operands, operands)
+    assert set(groups) == {*(f"operand {name}" for name in dtype.names or ()), "results that vary"}
+    assert all(count for bins in groups.values() for count in bins.values()), groups
+
+
+def test_bins_that_follow_from_the_formats_find_what_is_missing() -> None:
+    operands = unit_vectors("float_to_fixed", 100, 1)
+    operands["a"] = 1
+    operands["fraction"] = 3
+    groups = any_bins(operands, operands)
+    assert filled(groups["operand a"]) == {"+normal"}
+    assert groups["results that vary"] == {"a": 0, "fraction": 0}
 
 
 def test_stream_states() -> None:
@@ -63,8 +86,8 @@ def test_how_a_result_was_rounded() -> None:
     ],
 )
 def test_bins_of_a_sum(a: float, b: float, group: str, name: str) -> None:
-    operands = np.array([(a, b, False)], dtype=UNITS["float_add"].input)
-    assert name in filled(number_bins("float_add", operands, MODELS["float_add"](operands))[group])
+    operands = np.array([(a, b, False)], dtype=PURE["float_add"].input)
+    assert name in filled(unit_bins("float_add", operands, model_results("float_add", operands))[group])
 
 
 def test_classes_have_signs() -> None:
@@ -79,7 +102,7 @@ def unwanted() -> Groups:
 def test_groups_are_noted_and_added_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "bins.jsonl"
     note(unwanted)
-    monkeypatch.setenv(BINS, str(path))
+    monkeypatch.setenv(coverage.BINS, str(path))
     for value in (1, 0):
         bins = cases(one_thing=np.array([value, 1]), other=np.array([0]))
         note({"group": bins}.copy)

@@ -18,12 +18,11 @@ from cocotb.triggers import FallingEdge, RisingEdge
 
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import LOAD_ERRORS, RAY_QUERY, RAY_RESULT, TRIANGLE
-from lightloom.golden_model.contract.interfaces import COUNTERS
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.stimuli.ray_families import RAY_FAMILIES
 from lightloom.golden_model.tracing.wide_bvh.encode import WideBvh, build_wide
 from lightloom.golden_model.tracing.wide_bvh.traversal import COUNTS, queries_of, trace_tree
-from lightloom.verif.benches.bench import payloads
+from lightloom.verif.benches.test_stream_unit import payloads
 from lightloom.verif.bins.coverage import StreamCycles, note
 from lightloom.verif.bins.traversal_bins import channel_groups, counter_groups, load_groups, memory_groups, ray_groups
 from lightloom.verif.drivers.axi_slave import AxiSlave, Manner
@@ -121,6 +120,7 @@ class Bench:
         self.overlap: int = run["overlap"]
         self.contexts: int = run["contexts"]
         self.lines: dict[str, int] = run["lines"]
+        self.counted: list[str] = run["counters"]
         self.addresses: int = run["units"] + (2 if run["units"] > 1 else 0)
         """That may wait when an abort comes: one that each unit offers, and two in the buffer of an array's port."""
         self.tag_width = len(dut.i__payload) - bitpack.width(RAY_QUERY)
@@ -288,7 +288,7 @@ class Bench:
             expected |= {"errors": int((rays.results["error"] != 0).sum())}
             expected |= {name: int(rays.counts[name].sum()) for name in COUNTS.names or ()}
         assert {name: seen[name] for name in expected} == expected, f"{what}, seed {self.seed}"
-        note(lambda: counter_groups(self.counters(COUNTERS), self.lines))
+        note(lambda: counter_groups(self.counters(self.counted), self.lines))
 
     def counters(self, names: Iterable[str] = ("rays", "errors", "beats", *(COUNTS.names or ()))) -> dict[str, int]:
         return {name: int(getattr(self.dut, f"count_{name}").value) for name in names}

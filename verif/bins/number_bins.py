@@ -16,11 +16,6 @@ LEAST, GREATEST = 2.0**-126, 2.0**128 * (1 - 2.0**-24)
 """Of the normal numbers."""
 
 
-def number_bins(unit: str, operands: np.ndarray, results: np.ndarray) -> Groups:
-    """The groups of a number unit for its operands and results (N,). KeyError for a unit that has none."""
-    return BINS[unit](operands, results)
-
-
 # --- classes ----------------------------------------------------------------------------------------------------------
 
 

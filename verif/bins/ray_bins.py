@@ -15,11 +15,6 @@ from lightloom.verif.bins.number_bins import classes, signed
 VERTICES = ("v0", "v1", "v2")
 
 
-def ray_bins(unit: str, operands: np.ndarray, results: np.ndarray) -> Groups:
-    """The groups of a unit for its operands and results (N,). KeyError for a unit that has none."""
-    return BINS[unit](operands, results)
-
-
 def values(field: np.ndarray, count: int) -> dict[str, int]:
     """How often each of the numbers 0 to count - 1 occurs in a field, on whatever axis."""
     return {str(k): int(n) for k, n in enumerate(np.bincount(field.ravel(), minlength=count))}

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.golden_model.contract.interfaces import PURE
 
 Rng = np.random.Generator
 
@@ -70,7 +70,7 @@ MANY = _floats(
 
 def _records(name: str, *columns: np.ndarray | int) -> np.ndarray:
     """The unit's operands from a column a field, as bits."""
-    dtype = UNITS[name].input
+    dtype = PURE[name].input
     columns = np.broadcast_arrays(*columns)
     out = np.zeros(columns[0].size, dtype)
     for field, column in zip(dtype.names or (), columns, strict=True):

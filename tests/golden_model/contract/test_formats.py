@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 
 from lightloom.golden_model.contract import bitpack, formats
 from lightloom.golden_model.contract.formats import BOOL, F2, F4, I4, bits, field_width
-from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.fabric.layouts import layout_of, packet_of
 
-FORMATS = sorted({unit.input for unit in UNITS.values()} | {unit.output for unit in UNITS.values()}, key=str)
+FORMATS = sorted({unit.input for unit in PURE.values()} | {unit.output for unit in PURE.values()}, key=str)
 EXAMPLE = np.dtype([("flag", BOOL), ("x", F4, (2,)), ("small", bits(5)), ("half", F2), ("wide", bits(32))])
 
 

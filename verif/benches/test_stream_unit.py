@@ -1,7 +1,7 @@
 """The bench of every unit that has one input stream, one output stream, and results in order.
 
-What differs between units is the model, which the table of units names, and the operands, which the run brings along.
-A unit's own bench, `verif/test_<unit>.py`, only imports the tests below.
+What differs between units is the model, which `golden_model.models` names, and the operands, which the run brings
+along.
 """
 
 import itertools
@@ -13,7 +13,7 @@ import cocotb
 import numpy as np
 
 from lightloom.golden_model.contract import bitpack
-from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.golden_model.models import model_results
 from lightloom.verif.drivers.stream import Exchange, StreamDriver, pattern
 
@@ -25,14 +25,14 @@ class Scoreboard:
 
     def __init__(self) -> None:
         run = json.loads(os.environ["LIGHTLOOM_BENCH"])
-        self.unit = UNITS[run["unit"]]
+        self.unit = PURE[run["unit"]]
         self.latency: int = run["latency"]
         self.interval: int = run["initiation_interval"]
         self.seed: int = run["seed"]
         self.operands = bitpack.unpack(np.load(run["operands"]), self.unit.input)
         tags = np.arange(len(self.operands)) % (1 << run["tag_width"])
         self.payloads = payloads(self.operands, tags)
-        self.expected = payloads(model_results(run["unit"], self.operands, run["width"]), tags)
+        self.expected = payloads(model_results(run["unit"], self.operands, run["config"]), tags)
 
     def check(self, seen: Exchange, first: int, count: int) -> None:
         """Operands `first` to `first + count` went in, so exactly their results came out, in order, in all bits."""

@@ -1,4 +1,4 @@
-"""Testbenches of a package: Verilog that needs a simulator alone, with vectors of the golden model."""
+"""Testbench of the traversal unit: as `stream_bench`, with a scene, a memory and results in any order."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,35 +6,16 @@ from typing import Any
 import numpy as np
 
 from lightloom.gen.package.files import render
-from lightloom.golden_model.contract import bitpack
+from lightloom.gen.package.stream_bench import SEED, shared, vectors
 from lightloom.golden_model.contract.formats import BLOCK_BYTES, SECTION, TRIANGLE
-from lightloom.golden_model.models import model_results
 from lightloom.golden_model.stimuli.ray_families import adversarial_rays
 from lightloom.golden_model.tracing.wide_bvh.encode import build_wide
 from lightloom.golden_model.tracing.wide_bvh.memory_image import pack_image
 from lightloom.golden_model.tracing.wide_bvh.traversal import COUNTS, queries_of, trace_tree
 from lightloom.rtl.config import Config
 
-SEED = 2013
 TRIANGLES, RAYS = 100, 96
-"""Of the scene that the traversal unit is tested on."""
-
-
-def stream_bench(unit: Mapping[str, Any], config: Config, operands: np.ndarray) -> dict[str, bytes]:
-    """Testbench and vectors of a unit with results in order: file name to content.
-
-    `unit` is its manifest, `operands` (N,) are of its input's dtype; a multiple of four of them is used.
-    """
-    name = unit["unit"]
-    operands = operands[: len(operands) // 4 * 4]
-    results = model_results(name, operands, config.tree.width)
-    bench = render(
-        "package_testbench.v",
-        **_shared(unit, operands, results),
-        latency=unit["latency"],
-        interval=unit["initiation_interval"],
-    )
-    return {f"{name}_tb.v": bench.encode(), f"{name}.hex": _vectors(operands, results)}
+"""Of the scene."""
 
 
 def traversal_bench(unit: Mapping[str, Any], config: Config) -> dict[str, bytes]:
@@ -54,9 +35,9 @@ def traversal_bench(unit: Mapping[str, Any], config: Config) -> dict[str, bytes]
     ports = {port["name"]: port["width"] for port in unit["ports"]}
     bench = render(
         "package_traversal_testbench.v",
-        **_shared(unit, queries, results),
+        **shared(unit, queries, results),
         widths=ports,
-        counters=[port.removeprefix("count_") for port in ports if port.startswith("count_") and port != "count_clear"],
+        counters=[port["name"].removeprefix("count_") for port in unit["ports"] if port["role"] == "counter"],
         axi=[port for port in unit["ports"] if port["name"].startswith("m_axi_")],
         base=first * BLOCK_BYTES,
         memory_bits=max(len(image) - 1, 1 << 12).bit_length(),
@@ -64,31 +45,7 @@ def traversal_bench(unit: Mapping[str, Any], config: Config) -> dict[str, bytes]
         golden_counts={count: int(counts[count].sum()) for count in COUNTS.names or ()},
         errors=int((results["error"] != 0).sum()),
     )
-    return {f"{name}_tb.v": bench.encode(), f"{name}.hex": _vectors(queries, results), f"{name}.bin": image}
-
-
-def _shared(unit: Mapping[str, Any], operands: np.ndarray, results: np.ndarray) -> dict[str, Any]:
-    return {
-        "unit": unit["unit"],
-        "count": len(operands),
-        "input_bits": bitpack.width(operands.dtype),
-        "output_bits": bitpack.width(results.dtype),
-        "tag_bits": unit["config"]["tag_width"],
-        "seed": SEED,
-    }
-
-
-def _vectors(operands: np.ndarray, results: np.ndarray) -> bytes:
-    """A line of hexadecimal digits an operand: its result's bits above its own, for $readmemh."""
-    shift = bitpack.width(operands.dtype)
-    digits = -(-(shift + bitpack.width(results.dtype)) // 4)
-    lines = [result << shift | operand for operand, result in zip(_whole(operands), _whole(results), strict=True)]
-    return "".join(f"{line:0{digits}x}\n" for line in lines).encode()
-
-
-def _whole(records: np.ndarray) -> list[int]:
-    """Records (N,) to payloads."""
-    return [int.from_bytes(row.tobytes(), "little") for row in bitpack.pack(records).astype("<u4")]
+    return {f"{name}_tb.v": bench.encode(), f"{name}.hex": vectors(queries, results), f"{name}.bin": image}
 
 
 def _soup(rng: np.random.Generator) -> np.ndarray:

@@ -1,5 +1,0 @@
-"""Bench of `ray_triangle`: see `verif.benches.bench`."""
-
-from lightloom.verif.benches.bench import blocked_output, full_rate, reset_in_flight, stalled
-
-__all__ = ["blocked_output", "full_rate", "reset_in_flight", "stalled"]
