@@ -611,6 +611,22 @@ _FAULTS = (
         checks=("control/life-of-a-ray",),
     ),
     Mutation(
+        name="root-skips-children",
+        file=POPPED,
+        old="visit.rank.eq(Mux(read.fresh, 0, entry.rank))",
+        new="visit.rank.eq(entry.rank)",
+        what="a ray begins with a later child of the root, where the RAM of the stacks says so",
+        checks=("control/life-of-a-ray",),
+    ),
+    Mutation(
+        name="root-is-dropped",
+        file=POPPED,
+        old="~read.fresh & (entry.entry > self.time_read.time)",
+        new="entry.entry > self.time_read.time",
+        what="a ray does not begin where the RAM of the stacks says that it is beyond its hit",
+        checks=("control/life-of-a-ray",),
+    ),
+    Mutation(
         name="dropped-at-the-hit",
         file=POPPED,
         old="entry.entry > self.time_read.time",
