@@ -48,9 +48,34 @@ def life(config: Config) -> Bench:
     decision(config, ray, entries)
     bench.require("empty_when_finished", ~ray.finishes | (entries == 0))
     bench.require("begins_with_nothing", ~ray.root | ((visits == 0) & (entries == 0) & (places.lists == 0)))
+    root(ray, places, visits, entries)
     invariant(config, ray, places, visits, entries)
     covers(config, ray, entries)
     return bench
+
+
+def root(ray: Followed, places: Places, visits: Value, entries: Value) -> None:
+    """A ray that begins, or begins again, asks for the root and all of its children, whatever its stack holds."""
+    bench, component = ray.bench, ray.component
+    on_its_way = Signal(name="root_on_its_way")  # from the choice to the request
+    bench.m.d.sync += on_its_way.eq((on_its_way | ray.root) & ~ray.asks_node)
+    asked = component.node_request.payload
+    bench.require("root_is_a_node", ~on_its_way | ~ray.asks_leaf)
+    bench.require("root_is_made", ~on_its_way | ~(bench.inner("pops/dropped") & ray.bit("pops/met")))
+    whole = (asked.address == component.root) & (asked.rank == 0)
+    bench.require("root_from_its_first_child", ~(on_its_way & ray.asks_node) | whole)
+
+    # Until then it is the ray's only visit. What is said of an entry where it is read counts for nothing.
+    alone = (places.chosen == 1) & (visits == 1) & (entries == 0) & (places.lists == 0)
+    bench.require("root_alone", ~on_its_way | (alone & ~ray.ended & ~ray.bit("restart")))
+    for place, (here, fresh) in enumerate(places.unread):
+        bench.require(f"root_unread{place}", ~here | (fresh == on_its_way))
+    for place, (here, visit) in enumerate([places.met, *places.waiting]):
+        whole = (visit.address == component.root) & (visit.rank == 0)
+        bench.require(f"root_read{place}", ~(on_its_way & here) | whole)
+    entry = bench.inner("pops/visit")
+    bench.require("root_is_no_entry", ~(on_its_way & places.met[0]) | ~entry[-3:].any())
+    bench.require("root_waits_as_a_node", ~on_its_way | ~Cat(places.waiting_leaves).any())
 
 
 def stack(config: Config, ray: Followed, places: Places) -> Signal:
@@ -209,7 +234,7 @@ def properties() -> list[Property]:
         Property(
             unit="control",
             name="life-of-a-ray",
-            says="out once, when done; visits within overlap; each entry taken once; begins again; a failure told once",
+            says="out once, when done; visits within overlap; begins with the root; entries once; a failure told once",
             method=Induction(depth=1),
             build=lambda: life(SMALL),
             reach=28,

@@ -7,7 +7,12 @@ PIPELINE, QUEUES, FILL = "rtl/fabric/pipeline.py", "rtl/fabric/queues.py", "rtl/
 CACHE = "rtl/memory/block_cache.py"
 CONTROL, DECISION, RAYS = (f"rtl/traversal/{name}.py" for name in ("control", "node_decision", "rays"))
 POPPED, RUN_AHEAD = "rtl/traversal/popped_visits.py", "rtl/traversal/run_ahead.py"
+STACKS, VISITED = "rtl/traversal/stacks.py", "rtl/traversal/visited_blocks.py"
+REQUESTS = "rtl/memory/block_requests.py"
 STREAM = ("float_add/stream-tiny",)
+NEAR = ("tests/rtl/test_control.py::test_which_entries_are_near",)
+NEAR_WHEN = ("tests/rtl/test_control.py::test_an_entry_that_was_read_says_nothing_of_what_comes_above_it",)
+BACKLOG = ("tests/rtl/test_visited_blocks.py",)
 _FAULTS = (
     Mutation(
         name="stall-ignored",
@@ -444,7 +449,7 @@ _FAULTS = (
     ),
     Mutation(
         name="runs-ahead-of-the-stacks",
-        file="rtl/traversal/control.py",
+        file=CONTROL,
         old="run_ahead.backlog.eq(self.backlog | stacks.backlog)",
         new="run_ahead.backlog.eq(self.backlog)",
         what="rays run ahead though the stacks do not keep up",
@@ -460,11 +465,107 @@ _FAULTS = (
     ),
     Mutation(
         name="prefetches-what-is-far",
-        file="rtl/traversal/stacks.py",
+        file=STACKS,
         old="near.eq(item.near.bit_select(index, 1))",
         new="near.eq(1)",
         what="blocks are prefetched that are seldom needed",
         checks=("tests/rtl/test_stacks.py::test_leaves_that_are_near_are_told",),
+    ),
+    Mutation(
+        name="near-below-lost",
+        file=DECISION,
+        old="item.near_below.eq(self.is_near)",
+        new="item.near_below.eq(0)",
+        what="what was near counts as far when what came above it is gone",
+        checks=NEAR,
+    ),
+    Mutation(
+        name="near-the-first-child",
+        file=DECISION,
+        old="node.hits.entry[node.rank][NEAR_BITS:]",
+        new="node.hits.entry[0][NEAR_BITS:]",
+        what="near is what is near a child that was visited before",
+        checks=NEAR,
+    ),
+    Mutation(
+        name="near-new-top",
+        file=DECISION,
+        old="nearness.bit_select(first, 1)",
+        new="nearness.bit_select(node.rank, 1)",
+        what="every new top counts as near",
+        checks=NEAR,
+    ),
+    Mutation(
+        name="near-below-is-above",
+        file=STACKS,
+        old="item.near.bit_select((index + 1)[:RANK_BITS], 1)",
+        new="item.near.bit_select(index, 1)",
+        what="an entry says of itself what it should say of the one below",
+        checks=NEAR,
+    ),
+    Mutation(
+        name="near-below-of-the-list",
+        file=STACKS,
+        old="Mux(done == 0, item.near_below, ",
+        new="Mux(0, item.near_below, ",
+        what="the last entry of a list says nothing of the list below",
+        checks=NEAR,
+    ),
+    Mutation(
+        name="near-stays",
+        file=RAYS,
+        old="| now.met_near) & ~now.node_push) |",
+        new="| now.met_near)) |",
+        what="a far list above what is near counts as near",
+        checks=NEAR + NEAR_WHEN,
+    ),
+    Mutation(
+        name="near-once-met",
+        file=RAYS,
+        old="((self.near & ~now.met) |",
+        new="(self.near |",
+        what="what is below a near entry counts as near",
+        checks=NEAR,
+    ),
+    Mutation(
+        name="near-alone",
+        file=CONTROL,
+        old="rays.near | rays.outstanding.below(Const(SURE))",
+        new="rays.near",
+        what="no ray runs ahead to what is far",
+        checks=("tests/rtl/test_control.py::test_how_far_a_ray_runs_ahead",),
+    ),
+    Mutation(
+        name="backlog-one-more",
+        file=VISITED,
+        old="queue.level >= BACKLOG",
+        new="queue.level > BACKLOG",
+        what="a visit more waits in front of a cache before rays no longer run ahead",
+        checks=BACKLOG,
+    ),
+    Mutation(
+        name="crowd-untold",
+        file=VISITED,
+        old="(queue.level >= BACKLOG) | cache.crowded",
+        new="queue.level >= BACKLOG",
+        what="rays run ahead though many reads wait for the memory",
+        checks=BACKLOG,
+    ),
+    Mutation(
+        name="prefetch-lost-in-a-stall",
+        file=REQUESTS,
+        old="prefetches.o.ready.eq(self.look & vacant)",
+        new="prefetches.o.ready.eq(vacant)",
+        what="a prefetch behind a request that waits is lost",
+        checks=("tests/rtl/test_block_requests.py",),
+    ),
+    Mutation(
+        name="prefetch-lost-to-a-request",
+        file=REQUESTS,
+        old="prefetches.o.ready.eq(self.look & vacant)",
+        new="prefetches.o.ready.eq(self.look)",
+        what="a prefetch is lost where a request comes",
+        checks=("tests/rtl/test_block_requests.py",),
     ),
     Mutation(
         name="never-crowded",
@@ -516,7 +617,7 @@ _FAULTS = (
     ),
     Mutation(
         name="stack-upside-down",
-        file="rtl/traversal/stacks.py",
+        file=STACKS,
         old="index.eq(item.last - done)",
         new="index.eq(item.first + done)",
         what="the farthest child is on top",
@@ -608,6 +709,22 @@ _FAULTS = (
         old="only_if(leaf.hit | (leaf.error != 0), visited) & ~rays.ended",
         new="only_if(leaf.hit | (leaf.error != 0), visited)",
         what="a ray that has failed fails once more",
+        checks=("control/life-of-a-ray",),
+    ),
+    Mutation(
+        name="root-skips-children",
+        file=POPPED,
+        old="visit.rank.eq(Mux(read.fresh, 0, entry.rank))",
+        new="visit.rank.eq(entry.rank)",
+        what="a ray begins with a later child of the root, where the RAM of the stacks says so",
+        checks=("control/life-of-a-ray",),
+    ),
+    Mutation(
+        name="root-is-dropped",
+        file=POPPED,
+        old="~read.fresh & (entry.entry > self.time_read.time)",
+        new="entry.entry > self.time_read.time",
+        what="a ray does not begin where the RAM of the stacks says that it is beyond its hit",
         checks=("control/life-of-a-ray",),
     ),
     Mutation(

@@ -1,11 +1,13 @@
 """A ray in the control of a traversal unit: what its surroundings may do, and where its visits are."""
 
 from amaranth import Array, Cat, Mux, Signal, Value
+from amaranth.lib import data
 
 from lightloom.gen.formal.bench import Bench
 from lightloom.gen.formal.queues import FifoInside
 from lightloom.rtl.config import Config
 from lightloom.rtl.traversal.control import Control
+from lightloom.rtl.traversal.records import node_visit
 
 MOST_CHILDREN = 8
 
@@ -73,7 +75,7 @@ class Followed:
     def _assume(self, begins: Value, frees: Value) -> None:
         """The surroundings: `begins`, its visits may begin; `frees`, the context is given back."""
         bench, component, node = self.bench, self.component, self.component.node
-        for name in ("levels", "overlap"):
+        for name in ("root", "levels", "overlap"):
             port = getattr(component, name)
             bench.assume(port == bench.constant(f"{name}_of_the_run", len(port)))
         bench.assume((component.levels != 0) & (component.levels <= self.stack))
@@ -103,7 +105,9 @@ class Places:
     """Where the visits and the lists of the followed ray are inside the control.
 
     Attributes: `chosen`, visits between the stack and their request; `results`, of nodes that wait for a decision;
-    `over`, visits that are over and still counted; `lists`, on their way to the stack.
+    `over`, visits that are over and still counted; `lists`, on their way to the stack. And of the places of chosen
+    visits, each with whether one of the ray is there: `unread`, and whether it is of the root; `met`, and `waiting`,
+    nodes that wait for their turn, and what is known of the visit; `waiting_leaves`, no more than that.
     """
 
     def __init__(self, config: Config, ray: Followed):
@@ -112,12 +116,17 @@ class Places:
             FifoInside(bench, f"pops/{kind}", f"popped_{kind}", buffered=False) for kind in ("nodes", "leaves")
         ]
         lists = FifoInside(bench, "stacks/lists", "list")
-        steps = [
-            bench.inner(f"pops/{name}_valid") & ray.mine(bench.inner(f"pops/{name}")[:bits])
+        asked, read, met = (
+            (bench.inner(f"pops/{name}_valid") & ray.mine(word[:bits]), word)
             for name in ("asked", "read", "visit")
-        ]
-        waiting = [there & ray.mine(word[:bits]) for pops in self.pops for there, word in pops.slots]
-        self.chosen = total([*steps, *waiting])
+            for word in [bench.inner(f"pops/{name}")]
+        )
+        nodes, leaves = ([(there & ray.mine(word[:bits]), word) for there, word in pops.slots] for pops in self.pops)
+        self.chosen = total([here for here, _ in (asked, read, met, *nodes, *leaves)])
+        self.unread = [(here, word[-1]) for here, word in (asked, read)]
+        self.met = (met[0], data.View(node_visit(config), met[1][: node_visit(config).size]))
+        self.waiting = [(here, data.View(node_visit(config), word)) for here, word in nodes]
+        self.waiting_leaves = [here for here, _ in leaves]
         self.buffered = [
             (bench.inner(f"decision/results/{valid}"), bench.inner(f"decision/results/{data}"))
             for valid, data in (("o__valid", "first"), ("held", "kept"))

@@ -85,6 +85,8 @@ class Rays:
 
     def become(self, m: Module, now: Events) -> None:
         """The state of the next cycle."""
+        # What an entry that is read says of the one below it is taken for true of the top, though a list may have come
+        # above it since: that costs a needless visit now and then, and no result depends on it.
         m.d.sync += [
             self.active.eq((self.active | now.started) & ~now.finish),
             self.fresh.eq((self.fresh | now.start_root | self.begins) & ~now.popped),

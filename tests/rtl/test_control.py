@@ -290,6 +290,109 @@ def test_no_ray_runs_ahead_while_the_stacks_are_written() -> None:
     assert [cycles - at_once for cycles in delayed] == [0, 1, 2, 3]
 
 
+@pytest.mark.parametrize(
+    ("lists", "at_once", "later"),
+    [
+        ([(0, [5, 5]), (0, [5, 9])], [101, 1], []),
+        ([(0, [5, 9]), (0, [5, 9])], [101], [1]),
+        ([(0, [5, 9]), (0, [5, 5])], [101, 1], []),
+        ([(0, [5, 5]), (0, [5, 9, 9])], [101], [102, 1]),
+        ([(0, [5, 5, 5, 5])], [1, 2], [3]),
+        ([(0, [5, 5, 5, 9])], [1, 2], []),
+        ([(1, [4, 5, 5, 5])], [2, 3], []),
+        ([(1, [5, 4, 5, 5])], [2], [3]),
+    ],
+    ids=[
+        "near below far",
+        "far below far",
+        "far below near, which stands in for it while it is read",
+        "far in place of near",
+        "near below two near ones",
+        "far below two near ones",
+        "near a second child",
+        "near the first child, which was visited before",
+    ],
+)
+def test_which_entries_are_near(lists: list[tuple[int, list[int]]], at_once: list[int], later: list[int]) -> None:
+    """The visits that a ray chooses from its stack while one of a leaf is under way, and when that is over.
+
+    `lists`: its nodes before that, each the nearest child of the one before: the rank, and the highest 8 bits of the
+    distances of the children. Child k of node n is visited as 100 n + k. It chooses a SUREth visit, and more if near.
+    """
+    dut = Control(SMALL)
+    chosen: list[list[int]] = []
+
+    async def testbench(ctx: Any) -> None:
+        await rays_begin(ctx, dut, 1, levels=1)
+        result = dut.node.payload
+        for number, (rank, distances) in enumerate(lists):
+            ctx.set(result.rank, rank)
+            ctx.set(result.base, 100 * number)
+            for place, distance in enumerate(distances):
+                ctx.set(result.hits.entry[place], distance << NEAR_BITS)
+            last = number == len(lists) - 1
+            await node_result(ctx, dut, 0, len(distances), 1 << rank if last else 0)
+            await ctx.tick().repeat(20)
+        ctx.set(dut.starved, 1)
+        ctx.set(dut.backlog, 0)
+        for leaf_is_over in (0, 1):
+            ctx.set(dut.leaf.valid, leaf_is_over)
+            chosen.append([])
+            for _ in range(20):
+                if ctx.get(dut.node_request.valid):
+                    chosen[-1].append(ctx.get(dut.node_request.payload.address))
+                await ctx.tick()
+                ctx.set(dut.leaf.valid, 0)
+
+    simulator = Simulator(dut)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(testbench)
+    simulator.run()
+    assert chosen == [at_once, later]
+
+
+@pytest.mark.parametrize(("cycles", "expected"), [(0, [1, 101]), (1, [1, 101]), *((k, [1]) for k in range(2, 8))])
+def test_an_entry_that_was_read_says_nothing_of_what_comes_above_it(cycles: int, expected: list[int]) -> None:
+    """A node's list of far children comes so many cycles after an entry was chosen that is above a near one.
+
+    Where it comes while that entry is still read, it is taken for near.
+    """
+    dut = Control(SMALL)
+    chosen: list[int] = []
+
+    async def testbench(ctx: Any) -> None:
+        async def ask(count: int) -> None:
+            for _ in range(count):
+                if ctx.get(dut.node_request.valid):
+                    chosen.append(ctx.get(dut.node_request.payload.address))
+                await ctx.tick()
+
+        await rays_begin(ctx, dut, 1, levels=1)
+        await node_result(ctx, dut, 0, 3, 0)  # to a node, with two near ones on the stack
+        await ctx.tick().repeat(20)
+        ctx.set(dut.starved, 1)
+        ctx.set(dut.backlog, 0)
+        await ask(1)
+        ctx.set(dut.backlog, 1)
+        await ask(cycles)
+        ctx.set(dut.node.payload.base, 100)
+        for place in (1, 2):
+            ctx.set(dut.node.payload.hits.entry[place], 1 << NEAR_BITS)
+        ctx.set(dut.node.payload.hits.count, 3)
+        ctx.set(dut.node.payload.leaf, 0b1)
+        ctx.set(dut.node.valid, 1)
+        await ask(1)
+        ctx.set(dut.node.valid, 0)
+        ctx.set(dut.backlog, 0)
+        await ask(20)
+
+    simulator = Simulator(dut)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(testbench)
+    simulator.run()
+    assert chosen == expected
+
+
 TIME = 1000
 
 
