@@ -377,7 +377,7 @@ _FAULTS = (
     ),
     Mutation(
         name="counts-twice",
-        file="rtl/traversal/counters.py",
+        file="rtl/fabric/counters.py",
         old="count.eq(count + 1)",
         new="count.eq(count + 2)",
         what="an event counts twice",

@@ -1,4 +1,4 @@
-"""The units of the hardware: name, summary, kind, payloads of the streams, and the blocks of its configuration.
+"""The units of the hardware: name, summary, kind, payloads of the streams, what of the configuration they depend on.
 
 That is what RTL, model, software and documentation agree on. Catalogue, manifests, packages, benches, bulk runs, proofs
 and pages start from here; `golden_model.models` has what a unit computes, `rtl.catalogue` the hardware, whose ports and
@@ -41,12 +41,14 @@ class Unit:
     """Payload of the input stream, without the tag."""
     output: np.dtype
     """Payload of the output stream, without the tag."""
-    blocks: tuple[str, ...] = ()
-    """Of the hardware's configuration (`rtl.config.Config`), those that it depends on beside that of the streams."""
+    config: tuple[str, ...] = ()
+    """What its hardware depends on beside the streams: blocks of `rtl.config.Config`, or single fields of them."""
 
 
-def _operator(name: str, summary: str, source: np.dtype, result: np.dtype) -> Unit:
-    return Unit(name=name, summary=summary, input=source, output=result, blocks=("operators",))
+def _operator(name: str, summary: str, source: np.dtype, result: np.dtype, *config: str) -> Unit:
+    return Unit(
+        name=name, summary=summary, input=source, output=result, config=tuple(f"operators.{each}" for each in config)
+    )
 
 
 def _by_name(*units: Unit) -> dict[str, Unit]:
@@ -54,17 +56,24 @@ def _by_name(*units: Unit) -> dict[str, Unit]:
 
 
 OPERATORS = _by_name(
-    _operator("float_add", "a + b, or a - b", _F.FLOAT_ADD, _F.FLOAT),
-    _operator("float_multiply", "a * b", _F.FLOAT_PAIR, _F.FLOAT),
-    _operator("float_difference_of_products", "a*b - c*d, exact, rounded once", _F.FLOAT_QUAD, _F.FLOAT),
-    _operator("float_divide", "a / b", _F.FLOAT_PAIR, _F.FLOAT),
-    _operator("float_sqrt", "square root", _F.FLOAT_UNARY, _F.FLOAT),
-    _operator("float_compare", "less, equal, greater, unordered", _F.FLOAT_PAIR, _F.ORDER),
-    _operator("float_minmax", "minimum or maximum number", _F.FLOAT_MINMAX, _F.FLOAT),
-    _operator("float_to_half", "float32 to binary16", _F.FLOAT_UNARY, _F.HALF),
-    _operator("half_to_float", "binary16 to float32", _F.HALF_UNARY, _F.FLOAT),
-    _operator("float_to_fixed", "float32 to fixed point", _F.FLOAT_TO_FIXED, _F.FIXED),
-    _operator("fixed_to_float", "fixed point to float32", _F.FIXED_TO_FLOAT, _F.FLOAT),
+    _operator("float_add", "a + b, or a - b", _F.FLOAT_ADD, _F.FLOAT, "add_depth"),
+    _operator("float_multiply", "a * b", _F.FLOAT_PAIR, _F.FLOAT, "multiply_depth", "multiplier_blocks"),
+    _operator(
+        "float_difference_of_products",
+        "a*b - c*d, exact, rounded once",
+        _F.FLOAT_QUAD,
+        _F.FLOAT,
+        "difference_of_products_depth",
+        "multiplier_blocks",
+    ),
+    _operator("float_divide", "a / b", _F.FLOAT_PAIR, _F.FLOAT, "divide_depth"),
+    _operator("float_sqrt", "square root", _F.FLOAT_UNARY, _F.FLOAT, "sqrt_depth"),
+    _operator("float_compare", "less, equal, greater, unordered", _F.FLOAT_PAIR, _F.ORDER, "compare_depth"),
+    _operator("float_minmax", "minimum or maximum number", _F.FLOAT_MINMAX, _F.FLOAT, "compare_depth"),
+    _operator("float_to_half", "float32 to binary16", _F.FLOAT_UNARY, _F.HALF, "convert_depth"),
+    _operator("half_to_float", "binary16 to float32", _F.HALF_UNARY, _F.FLOAT, "convert_depth"),
+    _operator("float_to_fixed", "float32 to fixed point", _F.FLOAT_TO_FIXED, _F.FIXED, "convert_depth"),
+    _operator("fixed_to_float", "fixed point to float32", _F.FIXED_TO_FLOAT, _F.FLOAT, "convert_depth"),
 )
 """The number units, which have a twin of the same name and operands in `golden_model.numerics.floats`."""
 
@@ -74,42 +83,51 @@ UNITS = OPERATORS | _by_name(
         summary="dominant axis, shear constants and reciprocal direction of a ray",
         input=_F.RAY,
         output=_F.PREPARED_RAY,
-        blocks=("operators",),
+        config=("operators.multiply_depth", "operators.multiplier_blocks", "operators.divide_depth"),
     ),
     Unit(
         name="ray_triangle",
         summary="watertight ray-triangle intersection",
         input=_F.RAY_TRIANGLE,
         output=_F.TRIANGLE_HIT,
-        blocks=("operators",),
+        config=(
+            *("operators.add_depth", "operators.multiply_depth", "operators.difference_of_products_depth"),
+            *("operators.multiplier_blocks", "operators.reciprocal_depth", "operators.compare_depth"),
+        ),
     ),
     Unit(
         name="ray_triangle_half",
         summary="ray_triangle in half the area, a test every other cycle",
         input=_F.RAY_TRIANGLE,
         output=_F.TRIANGLE_HIT,
-        blocks=("operators",),
+        config=(
+            *("operators.add_depth", "operators.multiply_depth", "operators.difference_of_products_depth"),
+            *("operators.multiplier_blocks", "operators.reciprocal_depth", "operators.compare_depth"),
+        ),
     ),
     Unit(
         name="ray_time",
         summary="a distance along a ray for the box test, rounded both ways",
         input=_F.RAY_TIME,
         output=_F.RAY_TIMES,
-        blocks=("operators",),
+        config=("operators.multiply_depth", "operators.multiplier_blocks", "operators.convert_depth"),
     ),
     Unit(
         name="box_setup",
         summary="what the box test needs of a ray, in integers",
         input=_F.BOX_SETUP,
         output=_F.BOX_RAY,
-        blocks=("operators",),
+        config=(
+            *("operators.add_depth", "operators.multiply_depth", "operators.multiplier_blocks"),
+            "operators.convert_depth",
+        ),
     ),
     Unit(
         name="node_test",
         summary="a ray against the boxes of a node's children, nearest first",
         input=_F.NODE_TEST,
         output=_F.NODE_HITS,
-        blocks=("operators", "tree", "node_test"),
+        config=("operators.multiplier_blocks", "tree", "node_test"),
     ),
     Unit(
         name="traversal",
@@ -117,7 +135,7 @@ UNITS = OPERATORS | _by_name(
         kind=Kind.TAGGED,
         input=_F.RAY_QUERY,
         output=_F.RAY_RESULT,
-        blocks=(
+        config=(
             *("operators", "tree", "node_test", "triangle_test"),
             *("traversal", "node_cache", "triangle_cache", "memory"),
         ),

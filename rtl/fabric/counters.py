@@ -20,11 +20,15 @@ class Counter:
     event: Callable[[Any], Value]
 
 
-def within(part: Callable[[Any], Any], counters: Iterable[Counter], prefix: str = "") -> list[Counter]:
-    """The counters of a part as those of the whole, of which `part` gives the part; `prefix` begins their names."""
+def within(part: Callable[[Any], Any], counters: Iterable[Counter], what: str = "") -> list[Counter]:
+    """The counters of a part as those of the whole, of which `part` gives the part.
+
+    `what` says which part it is, where there are several of a kind: its first word begins the names of the counters.
+    """
+    prefix, which = (f"{what.split()[0]}_", f"{what}: ") if what else ("", "")
 
     def inside(one: Counter) -> Counter:
-        return Counter(prefix + one.name, one.meaning, lambda whole: one.event(part(whole)))
+        return Counter(prefix + one.name, which + one.meaning, lambda whole: one.event(part(whole)))
 
     return [inside(one) for one in counters]
 

@@ -46,7 +46,7 @@ class BlockCache(wiring.Component):
     """
 
     COUNTERS = (
-        Counter("hits", "blocks found in the cache", lambda cache: cache.hit),
+        Counter("hits", "blocks found in it", lambda cache: cache.hit),
         Counter("misses", "blocks that were not there, and that the memory was asked for", lambda cache: cache.miss),
         Counter("merged", "blocks that it was waiting for already", lambda cache: cache.merged),
     )

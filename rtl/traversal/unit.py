@@ -68,8 +68,8 @@ COUNTERS = (
         "cycles in which there was no block of triangles",
         lambda parts: parts.leaves.starved & ~parts.idle,
     ),
-    *within(lambda parts: parts.node_blocks.cache, BlockCache.COUNTERS, "node_"),
-    *within(lambda parts: parts.triangle_blocks.cache, (*BlockCache.COUNTERS, BlockCache.PREFETCHES), "triangle_"),
+    *within(lambda parts: parts.node_blocks.cache, BlockCache.COUNTERS, "node cache"),
+    *within(lambda parts: parts.triangle_blocks.cache, (*BlockCache.COUNTERS, BlockCache.PREFETCHES), "triangle cache"),
     *within(lambda parts: parts.arbiter, AxiReadArbiter.COUNTERS),
 )
 """Of `_Parts`. Busy, starved and stalled cycles of either test add up to `cycles`."""
