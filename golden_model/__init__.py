@@ -2,11 +2,12 @@
 
 Its floors, the top first; an import leads from a floor to a lower one (`tests/test_rooms.py` holds that):
 
-5. `renderer`, `oracle`
-4. `maintenance`, `frame`, `charts`, `models`, `stimuli`
-3. `tracing`, `rays`, `pictures`
-2. `scene`, `machine`
-1. `contract`, `numerics`, `host`
+6. `renderer`, `oracle`
+5. `maintenance`, `frame`, `charts`, `models`, `stimuli`
+4. `tracing`, `rays`, `pictures`
+3. `scene`, `machine`
+2. `numerics`
+1. `contract`, `host`
 
 A unit's name here is its name in `rtl` and in `verif`.
 """

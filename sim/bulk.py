@@ -8,7 +8,7 @@ import numpy as np
 
 from lightloom.gen.manifest import manifest
 from lightloom.golden_model.contract import bitpack
-from lightloom.golden_model.contract.interfaces import PURE
+from lightloom.golden_model.contract.interfaces import PURE, Unit
 from lightloom.golden_model.host.errors import InputError
 from lightloom.rtl.config import PRESETS, Config
 from lightloom.sim import verilated
@@ -27,27 +27,29 @@ class BulkError(AssertionError):
 class BulkUnit:
     """A Verilated unit that takes operand arrays.
 
-    Parameters: `unit`, a name of `golden_model.contract.interfaces.PURE`; `config`, the hardware parameters;
-    `verilog`, a text other than the emitted one; `netlist`, it is gates, of which a compiler has too many to optimise
-    for a run of thousands. Builds the simulator, or finds it in the cache. Raises InputError for an unknown unit or a
-    missing tool.
+    Parameters: `unit`, a name of `golden_model.contract.interfaces.PURE` or, with its `verilog`, a unit of one's own;
+    `config`, the hardware parameters; `verilog`, a text other than the emitted one; `netlist`, it is gates, of which a
+    compiler has too many to optimise for a run of thousands. Builds the simulator, or finds it in the cache. Raises
+    InputError for an unknown unit or a missing tool.
 
     Attributes after `run`: `throughput` (vectors/s of the simulation, on one core, without packing), `cycles` (clock
     cycles of the last run), `latency` (cycles from the first operand to its result; exact where nothing stalled).
     """
 
     def __init__(
-        self, unit: str, config: Config = PRESETS["base"], *, verilog: str | None = None, netlist: bool = False
+        self, unit: str | Unit, config: Config = PRESETS["base"], *, verilog: str | None = None, netlist: bool = False
     ):
-        if unit not in PURE:
+        if isinstance(unit, str) and unit not in PURE:
             raise InputError(f"{unit}: no such unit; known are {', '.join(sorted(PURE))}")
-        self.unit = PURE[unit]
+        self.unit = PURE[unit] if isinstance(unit, str) else unit
         self.config = config
-        self.verilog = emitted(unit, config) if verilog is None else verilog
+        self.verilog = emitted(self.unit.name, config) if verilog is None else verilog
         """The text that is simulated; tests pass a deliberately broken one."""
         self._binaries: dict[bool, Path] = {}
-        # A unit that does not take an operation every cycle stalls its input by itself; a netlist is built once.
-        self._stalling = netlist or manifest(unit, config)["initiation_interval"] > 1
+        # A unit that does not take an operation every cycle stalls its input by itself, and one that is not in the
+        # catalogue may; a netlist is built once.
+        known = isinstance(unit, str)
+        self._stalling = netlist or not known or manifest(self.unit.name, config)["initiation_interval"] > 1
         self._netlist = netlist
         self._binary(stalls=self._stalling)
         self.throughput = 0.0

@@ -39,7 +39,8 @@ FLOORS: dict[str, tuple[set[str], ...]] = {
         {"maintenance", "frame", "charts", "models", "stimuli"},
         {"tracing", "rays", "pictures"},
         {"scene", "machine"},
-        {"contract", "numerics", "host"},
+        {"numerics"},
+        {"contract", "host"},
     ),
     "rtl": (
         {"catalogue"},

@@ -7,6 +7,7 @@ import pytest
 
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.interfaces import PURE
+from lightloom.pages.units import page
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
 from tests import ROOT
@@ -15,6 +16,10 @@ DOCS = ROOT / "docs"
 PAGES = {unit: DOCS / f"{unit}.md" for unit in PURE}
 TIMED = [unit for unit, page in PAGES.items() if page.exists() and "| preset | latency" in page.read_text("utf-8")]
 DOCUMENTED = [unit for unit, page in PAGES.items() if page.exists() and "| input field |" in page.read_text("utf-8")]
+
+
+def test_the_page_of_units_is_up_to_date() -> None:
+    assert (DOCS / "units.md").read_text(encoding="utf-8") == page(), "python -m lightloom.pages.units > docs/units.md"
 
 
 def payload(dtype: np.dtype) -> list[tuple[str, int, int]]:

@@ -61,11 +61,15 @@ COUNTERS = (
     *within(lambda parts: parts.results, Results.COUNTERS),
     *within(lambda parts: parts.control, Control.COUNTERS),
     *within(lambda parts: parts.nodes, NodeStage.COUNTERS),
-    Counter("node_starved", "cycles in which there was none", lambda parts: parts.nodes.starved & ~parts.idle),
+    Counter(
+        "node_starved",
+        "cycles in which there was no block for the node test",
+        lambda parts: parts.nodes.starved & ~parts.idle,
+    ),
     *within(lambda parts: parts.leaves, LeafStage.COUNTERS),
     Counter(
         "triangle_starved",
-        "cycles in which there was no block of triangles",
+        "cycles in which there was no block for the triangle test",
         lambda parts: parts.leaves.starved & ~parts.idle,
     ),
     *within(lambda parts: parts.node_blocks.cache, BlockCache.COUNTERS, "node cache"),

@@ -12,11 +12,13 @@ from pathlib import Path
 import pytest
 
 from lightloom.gen.emit import emit
+from lightloom.gen.verilog import verilog_of
 from lightloom.golden_model.contract import bitpack
-from lightloom.golden_model.contract.interfaces import UNITS
+from lightloom.golden_model.contract.interfaces import OPERATORS, PURE, UNITS
 from lightloom.golden_model.host.errors import InputError
+from lightloom.pages.units import parameters_of
 from lightloom.rtl.catalogue import CATALOGUE
-from lightloom.rtl.config import PRESETS
+from lightloom.rtl.config import PARAMETERS, PRESETS
 
 PORT = re.compile(r"^  (input|output) (?:\[(\d+):0\] )?(\w+);$", re.MULTILINE)
 
@@ -97,3 +99,19 @@ def test_failure_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     with pytest.raises(InputError, match="No space left on device"):
         emit(["float_minmax"], PRESETS["tiny"], "tiny", tmp_path / "out")
     assert list(tmp_path.iterdir()) == []
+
+
+def another(name: str) -> int:
+    """A value of a parameter that preset tiny does not have."""
+    values = PARAMETERS[name].values
+    return values[0] if PRESETS["tiny"].flat()[name] != values[0] else values[-1]
+
+
+@pytest.mark.parametrize("unit", PURE)
+def test_a_unit_depends_on_what_it_says(unit: str) -> None:
+    """On no other parameter; and a number unit on each of them."""
+    tiny, mine = PRESETS["tiny"], parameters_of(PURE[unit])
+    verilog = verilog_of(unit, tiny)
+    assert verilog_of(unit, tiny.but(**{name: another(name) for name in PARAMETERS if name not in mine})) == verilog
+    for name in mine if unit in OPERATORS else ():
+        assert verilog_of(unit, tiny.but(**{name: another(name)})) != verilog, name
