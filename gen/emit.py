@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from lightloom.gen.header import checked_prefix, header
 from lightloom.gen.manifest import manifest
 from lightloom.gen.verilog import verilog_of
 from lightloom.golden_model.host.errors import InputError
@@ -13,7 +14,7 @@ from lightloom.golden_model.host.outputs import whole_folder
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import Config
 
-INDEXED = ("unit", "summary", "file", "sha256", "latency", "initiation_interval")
+INDEXED = ("unit", "module", "summary", "file", "sha256", "latency", "initiation_interval")
 """The keys of a unit's manifest that the folder's index, manifest.json, repeats."""
 
 
@@ -23,14 +24,19 @@ def emit(
     preset: str | None,
     out: Path | str,
     *,
+    prefix: str = "",
     progress: Callable[[str], None] = lambda unit: None,
 ) -> list[dict[str, Any]]:
-    """Writes <unit>.v and <unit>.json of each unit (none named: of the whole catalogue) and manifest.json into `out`.
+    """Writes <module>.v and <module>.json of each unit (none named: of all) and manifest.json into `out`.
+
+    A module is called `prefix` and the unit's name; so are the modules inside it, so that the same unit with two
+    configurations can be in one design.
 
     The folder appears whole or not at all; the same units and configuration give the same bytes. `preset` is the
     name of `config`, for the manifests. `progress` is told of every unit done. Returns the manifests. Raises
     InputError for an unknown unit and for a folder that cannot be written.
     """
+    checked_prefix(prefix)
     names = list(dict.fromkeys(units or CATALOGUE))
     for unit in names:
         if unit not in CATALOGUE:
@@ -40,10 +46,12 @@ def emit(
     manifests = []
     with whole_folder(out) as folder:
         for unit in names:
-            verilog = verilog_of(unit, config)
-            manifests.append(manifest(unit, config, preset, verilog))
-            (folder / f"{unit}.v").write_text(verilog, encoding="utf-8")
-            _write_json(folder / f"{unit}.json", manifests[-1])
+            module = prefix + unit
+            verilog = verilog_of(unit, config, prefix)
+            verilog = header(unit, module, config, preset, verilog) + verilog
+            manifests.append(manifest(unit, config, preset, verilog, module))
+            (folder / f"{module}.v").write_text(verilog, encoding="utf-8")
+            _write_json(folder / f"{module}.json", manifests[-1])
             progress(unit)
         rows = [{key: described[key] for key in INDEXED} for described in manifests]
         _write_json(folder / "manifest.json", {"preset": preset, "units": rows})

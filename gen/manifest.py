@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from amaranth.lib.wiring import In
 
+from lightloom.gen.header import LICENCE
 from lightloom.gen.verilog import AXI, ports_of
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import bits
@@ -38,8 +39,14 @@ def _meaning(component: UnitComponent, port: str) -> dict[str, Any]:
     return {"role": described.role.value, "meaning": described.meaning, **more}
 
 
-def manifest(unit: str, config: Config, preset: str | None = None, verilog: str = "") -> dict[str, Any]:
-    """The manifest of one unit of the catalogue, ready for JSON; `verilog` is its text, `preset` the config's name."""
+def manifest(
+    unit: str, config: Config, preset: str | None = None, verilog: str = "", module: str | None = None
+) -> dict[str, Any]:
+    """The manifest of one unit of the catalogue, ready for JSON.
+
+    `verilog` is its text, `preset` the configuration's name, `module` that of the Verilog module, else the unit's.
+    """
+    module = module or unit
     component = CATALOGUE[unit](config)
     described = component.unit
     payloads = {
@@ -52,9 +59,10 @@ def manifest(unit: str, config: Config, preset: str | None = None, verilog: str 
     }
     return {
         "unit": unit,
+        "module": module,
         "summary": described.summary,
         "kind": described.kind.value,
-        "file": f"{unit}.v",
+        "file": f"{module}.v",
         "sha256": hashlib.sha256(verilog.encode()).hexdigest(),
         "latency": component.latency,
         "initiation_interval": component.initiation_interval,
@@ -70,6 +78,7 @@ def manifest(unit: str, config: Config, preset: str | None = None, verilog: str 
         ],
         "preset": preset,
         "config": config.flat(),
+        "licence": LICENCE,
         "versions": {name: version(name) for name in PACKAGES},
     }
 

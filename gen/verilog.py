@@ -65,12 +65,13 @@ AXI = "m_axi"
 """The member of a component's signature that is its AXI4 interface."""
 
 
-def verilog_of(unit: str, config: Config) -> str:
-    """The Verilog of one unit of the catalogue, as module `unit` (KeyError for an unknown one).
+def verilog_of(unit: str, config: Config, prefix: str = "") -> str:
+    """The Verilog of one unit of the catalogue (KeyError for an unknown one).
 
+    Its module is `unit` with `prefix` before it; the names of the modules inside begin with that.
     Ports: clk, rst (synchronous, active high), i__valid, i__ready, i__payload, o__valid, o__ready, o__payload.
     """
-    return convert(CATALOGUE[unit](config), unit)
+    return convert(CATALOGUE[unit](config), prefix + unit)
 
 
 def convert(component: wiring.Component, name: str) -> str:

@@ -46,17 +46,17 @@ def ipxact(unit: Mapping[str, Any], version: str) -> str:
     )
 
 
-def librelane(unit: str, clock: float) -> str:
-    """Configuration of a unit for LibreLane; paths are relative to its own folder."""
+def librelane(module: str, clock: float) -> str:
+    """Configuration of a module for LibreLane; paths are relative to its own folder."""
     return to_json(
         {
             "meta": {"version": 2},
-            "DESIGN_NAME": unit,
-            "VERILOG_FILES": [f"dir::../../../rtl/{unit}.v"],
+            "DESIGN_NAME": module,
+            "VERILOG_FILES": [f"dir::../../../rtl/{module}.v"],
             "CLOCK_PORT": "clk",
             "CLOCK_PERIOD": clock,
-            "PNR_SDC_FILE": f"dir::../../../sdc/{unit}.sdc",
-            "SIGNOFF_SDC_FILE": f"dir::../../../sdc/{unit}.sdc",
+            "PNR_SDC_FILE": f"dir::../../../sdc/{module}.sdc",
+            "SIGNOFF_SDC_FILE": f"dir::../../../sdc/{module}.sdc",
             "FP_CORE_UTIL": DENSITY,
         }
     )
@@ -67,7 +67,7 @@ def register_files(unit: Mapping[str, Any]) -> dict[str, str]:
     found = registers(unit["ports"])
     if not found:
         return {}
-    shared = {"unit": unit["unit"], "registers": found, "size": size(found)}
+    shared = {"unit": unit["unit"], "module": unit["module"], "registers": found, "size": size(found)}
     return {end: render(f"package_registers{end}", **shared) for end in (".rdl", ".h", ".html")}
 
 

@@ -31,21 +31,22 @@ def package(
     clock: float,
     out: Path | str,
     *,
+    prefix: str = "",
     operands: Callable[[str], np.ndarray],
     memory_model: Path,
     progress: Callable[[str], None] = lambda unit: None,
 ) -> dict[str, Any]:
     """Writes the package of some units (none named: of the whole catalogue) into `out`; returns its manifest.
 
-    `clock` is the period in ns that the constraints ask for. `operands` gives a unit's operands for its testbench,
-    `memory_model` is the Verilog of the simulated memory. The folder appears whole or not at all; the same arguments
-    give the same bytes. `progress` is told of every unit twice: emitted, done. Raises InputError for an unknown unit, a
-    clock that cannot be meant and a folder that cannot be written.
+    `clock` is the period in ns that the constraints ask for; `prefix` begins the names of all modules. `operands` gives
+    a unit's operands for its testbench, `memory_model` is the Verilog of the simulated memory. The folder appears whole
+    or not at all; the same arguments give the same bytes. `progress` is told of every unit twice: emitted, done. Raises
+    InputError for an unknown unit, a clock that cannot be meant and a folder that cannot be written.
     """
     if not SHORTEST <= clock <= LONGEST:
         raise InputError(f"--clock {clock:g}: a period in ns is {SHORTEST:g} to {LONGEST:g}")
     with whole_folder(out) as folder:
-        manifests = emit(units, config, preset, folder / "rtl", progress=progress)
+        manifests = emit(units, config, preset, folder / "rtl", prefix=prefix, progress=progress)
         (folder / "rtl" / ".lightloom").unlink()  # the marker of a folder of its own
         for unit in manifests:
             for name, content in _unit_files(unit, config, clock, operands).items():
@@ -65,17 +66,17 @@ def package(
 def _unit_files(
     unit: dict[str, Any], config: Config, clock: float, operands: Callable[[str], np.ndarray]
 ) -> dict[str, bytes]:
-    """All files of one unit but its Verilog: path in the package to content."""
-    name = unit["unit"]
+    """All files of one unit but its Verilog, by its module's name: path in the package to content."""
+    name, module = unit["unit"], unit["module"]
     sdc = constraints(unit, clock)
     texts = {
-        f"sdc/{name}.sdc": sdc,
-        f"ipxact/{name}.xml": ipxact(unit, version("lightloom")),
-        f"flow/librelane/{name}/config.json": librelane(name, clock),
-        f"flow/openroad/{name}/config.mk": render("package_orfs.mk", unit=name, unit_name="ns"),
-        f"flow/openroad/{name}/constraint.sdc": sdc,
+        f"sdc/{module}.sdc": sdc,
+        f"ipxact/{module}.xml": ipxact(unit, version("lightloom")),
+        f"flow/librelane/{module}/config.json": librelane(module, clock),
+        f"flow/openroad/{module}/config.mk": render("package_orfs.mk", module=module, unit_name="ns"),
+        f"flow/openroad/{module}/constraint.sdc": sdc,
     }
-    texts |= {f"registers/{name}{end}": text for end, text in register_files(unit).items()}
+    texts |= {f"registers/{module}{end}": text for end, text in register_files(unit).items()}
     bench = OWN_BENCHES[name](unit, config) if name in OWN_BENCHES else stream_bench(unit, config, operands(name))
     files = {path: text.encode() for path, text in texts.items()}
     return files | {f"testbench/{file}": content for file, content in bench.items()}
@@ -84,8 +85,8 @@ def _unit_files(
 def _shared_files(
     manifests: list[dict[str, Any]], with_memory: list[dict[str, Any]], preset: str, clock: float
 ) -> dict[str, str]:
-    names = [unit["unit"] for unit in manifests]
-    images = [unit["unit"] for unit in with_memory]
+    modules = [unit["module"] for unit in manifests]
+    images = [unit["module"] for unit in with_memory]
     ties = dict.fromkeys(f"`{port['name']}`" for unit in manifests for port in unit["ports"] if port.get("tie") == 0)
     core = f"lightloom:{preset}:lightloom:{version('lightloom')}"
     return {
@@ -97,8 +98,8 @@ def _shared_files(
             register_units=images,
             ties=in_words(list(ties)),
         ),
-        "Makefile": render("package_makefile", units=names),
-        "lightloom.f": "".join(f"rtl/{name}.v\n" for name in names),
+        "Makefile": render("package_makefile", modules=modules),
+        "lightloom.f": "".join(f"rtl/{module}.v\n" for module in modules),
         "lightloom.core": render("package.core", name=core, units=manifests, preset=preset, images=images),
         "include/lightloom_formats.h": render("package_formats.h", **context()),
     }
@@ -107,7 +108,7 @@ def _shared_files(
 def _manifest(
     folder: Path, manifests: list[dict[str, Any]], config: Config, preset: str, clock: float
 ) -> dict[str, Any]:
-    keys = ("unit", "summary", "latency", "initiation_interval")
+    keys = ("unit", "module", "summary", "latency", "initiation_interval")
     return {
         "preset": preset,
         "clock_ns": clock,

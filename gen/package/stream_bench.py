@@ -27,13 +27,15 @@ def stream_bench(unit: Mapping[str, Any], config: Config, operands: np.ndarray) 
         latency=unit["latency"],
         interval=unit["initiation_interval"],
     )
-    return {f"{name}_tb.v": bench.encode(), f"{name}.hex": vectors(operands, results)}
+    module = unit["module"]
+    return {f"{module}_tb.v": bench.encode(), f"{module}.hex": vectors(operands, results)}
 
 
 def shared(unit: Mapping[str, Any], operands: np.ndarray, results: np.ndarray) -> dict[str, Any]:
     """What the template of any testbench needs."""
     return {
         "unit": unit["unit"],
+        "module": unit["module"],
         "count": len(operands),
         "input_bits": bitpack.width(operands.dtype),
         "output_bits": bitpack.width(results.dtype),

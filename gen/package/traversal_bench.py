@@ -20,7 +20,7 @@ TRIANGLES, RAYS = 100, 96
 
 def traversal_bench(unit: Mapping[str, Any], config: Config) -> dict[str, bytes]:
     """Testbench, vectors and memory image of a traversal unit: file name to content."""
-    name, rng = unit["unit"], np.random.default_rng(SEED)
+    module, rng = unit["module"], np.random.default_rng(SEED)
     triangles = _soup(rng)
     tree = build_wide(triangles, width=config.tree.width, max_levels=config.traversal.stack).blocks
     queries = queries_of(
@@ -45,7 +45,7 @@ def traversal_bench(unit: Mapping[str, Any], config: Config) -> dict[str, bytes]
         golden_counts={count: int(counts[count].sum()) for count in COUNTS.names or ()},
         errors=int((results["error"] != 0).sum()),
     )
-    return {f"{name}_tb.v": bench.encode(), f"{name}.hex": vectors(queries, results), f"{name}.bin": image}
+    return {f"{module}_tb.v": bench.encode(), f"{module}.hex": vectors(queries, results), f"{module}.bin": image}
 
 
 def _soup(rng: np.random.Generator) -> np.ndarray:

@@ -1,4 +1,4 @@
-# Constraints of {{ unit }}, preset {{ preset }}: one clock, inputs and outputs with a fifth of the period outside.
+# Constraints of {{ module }}, preset {{ preset }}: one clock, inputs and outputs with a fifth of the period outside.
 # Times are in {{ unit_name }}. The period is what the package was asked for, not what the unit is known to reach.
 
 set period {{ period }}

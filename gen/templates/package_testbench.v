@@ -1,5 +1,5 @@
-// Testbench of {{ unit }}: operands and results of the golden model, compared in all bits. Needs nothing but a Verilog
-// simulator: the vectors are in {{ unit }}.hex, a line an operand with its result above it.
+// Testbench of {{ module }}: operands and results of the golden model, compared in all bits. Needs nothing but a Verilog
+// simulator: the vectors are in {{ module }}.hex, a line an operand with its result above it.
 //
 // What is tested besides: results keep the order and the tags of their operands, none is lost, doubled or made up; a
 // result waits unchanged until it is taken; the stated latency and initiation interval hold while nothing stalls; a
@@ -8,7 +8,7 @@
 `timescale 1ns / 1ps
 `default_nettype none
 
-module {{ unit }}_tb;
+module {{ module }}_tb;
 
   localparam integer COUNT = {{ count }};
   localparam integer IN = {{ input_bits }};
@@ -27,7 +27,7 @@ module {{ unit }}_tb;
   wire i_ready, o_valid;
   wire [TAG+OUT-1:0] o_payload;
 
-  {{ unit }} unit (
+  {{ module }} unit (
       .clk(clk),
       .rst(rst),
       .i__valid(i_valid),
@@ -46,7 +46,7 @@ module {{ unit }}_tb;
   task fail(input [8*64-1:0] what);
     begin
       if (fault == 0) begin
-        $display("FAIL {{ unit }}: %0s (cycle %0d, result %0d, operand %h)", what, cycle, left, vectors[left][IN-1:0]);
+        $display("FAIL {{ module }}: %0s (cycle %0d, result %0d, operand %h)", what, cycle, left, vectors[left][IN-1:0]);
         $display("  wanted %h", wanted);
         $display("  found  %h", o_payload);
       end
@@ -107,7 +107,7 @@ module {{ unit }}_tb;
       if (idle > PATIENCE && left != COUNT) fail("nothing moves");
       if (fault != 0) $finish;
       if (left == COUNT && idle > LATENCY + 20) begin
-        $display("PASS {{ unit }}: %0d results in all bits, latency %0d, interval %0d, %0d cycles", COUNT, LATENCY, INTERVAL, cycle);
+        $display("PASS {{ module }}: %0d results in all bits, latency %0d, interval %0d, %0d cycles", COUNT, LATENCY, INTERVAL, cycle);
         $finish;
       end
     end
@@ -115,7 +115,7 @@ module {{ unit }}_tb;
   always #5 clk = !clk;
 
   initial begin
-    if (!$value$plusargs("vectors=%s", file)) file = "testbench/{{ unit }}.hex";
+    if (!$value$plusargs("vectors=%s", file)) file = "testbench/{{ module }}.hex";
     $readmemh(file, vectors);
     clk = 0;
     rst = 1;

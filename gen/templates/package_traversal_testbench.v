@@ -1,5 +1,5 @@
-// Testbench of {{ unit }}: rays through a small tree, compared with the golden model in all bits. Needs nothing but a
-// Verilog simulator: the tree is in {{ unit }}.bin, a memory image; the rays are in {{ unit }}.hex, a line a ray with
+// Testbench of {{ module }}: rays through a small tree, compared with the golden model in all bits. Needs nothing but a
+// Verilog simulator: the tree is in {{ module }}.bin, a memory image; the rays are in {{ module }}.hex, a line a ray with
 // its result above it. The memory is axi_memory.v.
 //
 // All rays go through the unit twice: first one visit of a ray at a time, with a quick memory, when the unit's counters
@@ -10,7 +10,7 @@
 `timescale 1ns / 1ps
 `default_nettype none
 
-module {{ unit }}_tb;
+module {{ module }}_tb;
 
   localparam integer COUNT = {{ count }};
   localparam integer IN = {{ input_bits }};
@@ -35,7 +35,7 @@ module {{ unit }}_tb;
   wire [{{ port.width }}-1:0] {{ port.name.removeprefix("m_axi_") }};
 {% endfor %}
 
-  {{ unit }} unit (
+  {{ module }} unit (
       .clk(clk),
       .rst(rst),
       .i__valid(i_valid),
@@ -101,7 +101,7 @@ module {{ unit }}_tb;
   task fail(input [8*64-1:0] what);
     begin
       if (fault == 0) begin
-        $display("FAIL {{ unit }}: %0s (round %0d, cycle %0d)", what, round, cycle);
+        $display("FAIL {{ module }}: %0s (round %0d, cycle %0d)", what, round, cycle);
         $display("  result %h", o_payload);
         $display("  wanted %h, ray %0d: %h", wanted, ray[tag], vectors[ray[tag]][IN-1:0]);
       end
@@ -184,7 +184,7 @@ module {{ unit }}_tb;
   always #5 clk = !clk;
 
   initial begin
-    if (!$value$plusargs("vectors=%s", file)) file = "testbench/{{ unit }}.hex";
+    if (!$value$plusargs("vectors=%s", file)) file = "testbench/{{ module }}.hex";
     $readmemh(file, vectors);
     clk = 0;
     rst = 1;
@@ -221,7 +221,7 @@ module {{ unit }}_tb;
     trace(1, {{ overlap }});
     @(negedge clk);
     if (fault == 0)
-      $display("PASS {{ unit }}: %0d rays twice, in all bits, %0d cycles", COUNT, cycle);
+      $display("PASS {{ module }}: %0d rays twice, in all bits, %0d cycles", COUNT, cycle);
     $finish;
   end
 

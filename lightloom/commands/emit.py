@@ -22,6 +22,9 @@ def emit(
         "build/verilog"
     ),
     list_units: Annotated[bool, typer.Option("--list", help="Print the table of units and write nothing.")] = False,
+    prefix: Annotated[
+        str, typer.Option("--prefix", metavar="NAME_", help="What the names of all modules begin with.")
+    ] = "",
     json: Json = False,
 ) -> None:
     from lightloom.hardware.describe import emit_units, unit_row
@@ -34,7 +37,7 @@ def emit(
         rows = [unit_row(name, preset) for name in names]
     else:
         with Progress() as progress, progress.stage("Verilog", len(names)) as advance:
-            rows = emit_units(names, preset, out, advance)
+            rows = emit_units(names, preset, out, advance, prefix)
     if json:
         print_json({"preset": preset, "out": None if list_units else str(out), "units": rows})
         return
@@ -48,7 +51,7 @@ emit.__doc__ = "\n".join(
     [
         "Write the Verilog of units, with a manifest of each.",
         "",
-        "Verilog-2001, one file and one module a unit; beside it a manifest (JSON) of ports, latency, initiation",
+        "Verilog-2001, one file a unit; beside it a manifest (JSON) of ports, latency, initiation",
         "interval, configuration and versions. The same units and preset give the same bytes.",
         "",
         "\b",
@@ -59,6 +62,7 @@ emit.__doc__ = "\n".join(
         "Examples:",
         "  lightloom emit",
         "  lightloom emit ray_triangle ray_setup --preset full --out verilog",
+        "  lightloom emit traversal --preset tiny --prefix tiny_ --out build/tiny",
         "  lightloom emit --list",
     ]
 )

@@ -27,6 +27,9 @@ def package(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder that everything is written to.")] = Path(
         "build/package"
     ),
+    prefix: Annotated[
+        str, typer.Option("--prefix", metavar="NAME_", help="What the names of all modules begin with.")
+    ] = "",
     json: Json = False,
 ) -> None:
     from lightloom.hardware.package_inputs import package_units
@@ -36,7 +39,7 @@ def package(
     choose(preset, PRESETS, "preset")
     names = [choose(name, CATALOGUE, "unit") for name in dict.fromkeys(units or CATALOGUE)]
     with Progress() as progress, progress.stage("Package", len(names)) as advance:
-        described = package_units(names, preset, clock, out, advance)
+        described = package_units(names, preset, clock, out, advance, prefix)
     if json:
         print_json({"out": str(out), **described})
         return

@@ -27,10 +27,14 @@ def unit_row(unit: str, preset: str) -> dict[str, Any]:
 
 
 def emit_units(
-    units: Sequence[str], preset: str, out: Path, advance: Callable[[float], None] = lambda steps: None
+    units: Sequence[str],
+    preset: str,
+    out: Path,
+    advance: Callable[[float], None] = lambda steps: None,
+    prefix: str = "",
 ) -> list[dict[str, Any]]:
     """Writes Verilog and manifests of units into `out`, whole or not at all; returns the units' rows."""
     from lightloom.gen.emit import emit
 
-    emit(units, PRESETS[preset], preset, out, progress=lambda unit: advance(1))
+    emit(units, PRESETS[preset], preset, out, prefix=prefix, progress=lambda unit: advance(1))
     return [unit_row(unit, preset) for unit in units]

@@ -21,6 +21,7 @@ def package_units(
     clock: float | None,
     out: Path,
     advance: Callable[[float], None] = lambda steps: None,
+    prefix: str = "",
 ) -> dict[str, Any]:
     """Writes the package of units into `out`, whole or not at all; returns its manifest."""
     import lightloom.sim
@@ -33,6 +34,7 @@ def package_units(
         preset,
         CLOCKS[preset] if clock is None else clock,
         out,
+        prefix=prefix,
         operands=lambda unit: unit_vectors(unit, FEW if unit.startswith(LARGE) else MANY, SEED),
         memory_model=Path(lightloom.sim.__file__).parent / "axi_memory.v",
         progress=lambda unit: advance(0.5),

