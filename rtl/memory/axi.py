@@ -59,6 +59,11 @@ class AxiPort(wiring.Signature):
         return data.StructLayout({f"{channel}{name}": width for name, width in fields[channel].items()})
 
     @property
+    def ports(self) -> "tuple[AxiPort, ...]":
+        """The one port that it is."""
+        return (self,)
+
+    @property
     def block_beats(self) -> int:
         """Beats of a block."""
         return BLOCK_BITS // self.data_width
@@ -90,7 +95,9 @@ class Axi(wiring.Signature):
     def __init__(self, *, address_width: int, data_width: int, id_width: int):
         """Widths as those of `AxiPort`; reads and writes have ids of their own."""
         widths = {"address_width": address_width, "data_width": data_width, "id_width": id_width}
-        super().__init__({"read": Out(AxiRead(**widths)), "write": Out(AxiWrite(**widths))})
+        self.ports: tuple[AxiPort, ...] = (AxiRead(**widths), AxiWrite(**widths))
+        read, write = self.ports
+        super().__init__({"read": Out(read), "write": Out(write)})
 
 
 def is_error(response: Value) -> Value:
