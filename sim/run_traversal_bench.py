@@ -5,10 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from lightloom.gen.watched import ports_of, watched
+from lightloom.golden_model.contract.axi_rules import RULE_PORTS
 from lightloom.rtl.config import PRESETS, Config
 from lightloom.sim.emitted import emitted
 from lightloom.sim.runner import run_cocotb
-from lightloom.sim.traversal import port_widths
 
 MODULES = ",".join(
     (
@@ -61,12 +62,13 @@ def run_traversal_bench(
         "node": config.node_sets * config.node_ways,
         "triangle": config.triangle_sets * config.triangle_ways,
     }
+    ports = ports_of(text, "traversal")
     return run_cocotb(
-        "traversal",
-        {"traversal.v": text},
+        "traversal_watched",
+        {"traversal.v": text, "traversal_watched.v": watched("traversal", ports)},
         simulator,
         module=MODULES,
-        public_ports=list(port_widths(text, "traversal")),
+        public_ports=[*ports, *RULE_PORTS, "axi_forget"],
         extra_env={"LIGHTLOOM_BENCH": json.dumps(description), **({"COCOTB_TEST_FILTER": only} if only else {})},
         seed=SEED,
         folder=folder,
