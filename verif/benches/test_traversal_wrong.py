@@ -58,7 +58,7 @@ async def memory_errors(dut: Any, overlap: str) -> None:
     await bench.start(overlap=overlap)
     tree = bench.tree("handful")
     kinds = {"nodes": inner_nodes(tree), "triangles": np.flatnonzero(tree.triangle_blocks).tolist(), "root": [1]}
-    for response in (SLVERR, DECERR):
+    for called, response in (("SLVERR", SLVERR), ("DECERR", DECERR)):
         for name, addresses in kinds.items():
             await bench.check_sound(tree, f"before {name}")
             queries = rays_of("handful", bench.few, bench.rng.getrandbits(16), RENDERED)
@@ -67,7 +67,7 @@ async def memory_errors(dut: Any, overlap: str) -> None:
             _, bad, rays = bench.met_by_some(queries, tree, wrong)
             await bench.load(tree.blocks)  # what was read before is forgotten
             bench.memory.fails(BASES[0] + BLOCK_BYTES * bad, response)
-            await bench.check_failing(rays, tree, TRACE_ERRORS["memory"], bad, f"response {response} for {name}")
+            await bench.check_failing(rays, tree, TRACE_ERRORS["memory"], bad, f"{called} for {name}")
             bench.memory.errors = {}
             await bench.check(bench.traced(tree.blocks, rays.queries), f"{name}: a memory that is whole again")
 
@@ -153,7 +153,7 @@ async def unusable_headers(dut: Any) -> None:
         assert bitpack.equal(rays.results, none.results).all()
         await bench.check(rays, name)
         assert bench.memory.bursts == bursts, "the memory was read for rays without a tree"
-    for response in (SLVERR, DECERR):
+    for called, response in (("SLVERR", SLVERR), ("DECERR", DECERR)):
         await bench.check_sound(tree, f"before response {response}")
         bench.memory.fails(BASES[0], response)
         await bench.load(tree.blocks, error="memory")
