@@ -386,8 +386,8 @@ _FAULTS = (
     Mutation(
         name="newest-not-yet-listed",
         file="rtl/memory/waiters.py",
-        old="Mux(added & (miss == next_list.miss), number, head.data)",
-        new="head.data",
+        old="Mux(added & (miss == of), number, read)",
+        new="read",
         what="a list begins without the request that joins it just now",
         checks=("waiters/lists-1x2",),
     ),
@@ -602,8 +602,8 @@ _FAULTS = (
     Mutation(
         name="line-not-locked",
         file="rtl/memory/block_lines.py",
-        old="locked[way].eq(locked[way] & ~released[way] | given)",
-        new="locked[way].eq(locked[way] & ~released[way] & ~given)",
+        old="states.locked[way].eq(states.locked[way] & ~released[way] | given)",
+        new="states.locked[way].eq(states.locked[way] & ~released[way] & ~given)",
         what="a line gives way while requests wait for it",
         checks=("block_lines/where-a-block-is",),
     ),
@@ -834,8 +834,8 @@ _FAULTS = (
     Mutation(
         name="late-beat-written",
         file=FILL,
-        old="self.write.eq(beat & is_wanted)",
-        new="self.write.eq(beat & (is_wanted | is_marked))",
+        old="_Outcome(fills, ends, wrong, lane, is_wanted)",
+        new="_Outcome(fills, ends, wrong, lane, is_wanted | is_marked)",
         what="what comes for a read that was given up is written to its line",
         checks=("block_fill/beats-128",),
     ),
@@ -850,8 +850,8 @@ _FAULTS = (
     Mutation(
         name="used-after-invalidate",
         file="rtl/memory/block_lines.py",
-        old="(used[way] & ~forgotten | touched) & keeps",
-        new="used[way] & ~forgotten | touched",
+        old="(states.used[way] & ~forgotten | touched) & keeps",
+        new="states.used[way] & ~forgotten | touched",
         what="lines of a tree before count as used",
         checks=("tests/rtl/test_block_cache.py::test_lines_count_as_unused_when_all_is_forgotten",),
     ),
