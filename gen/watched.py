@@ -28,7 +28,7 @@ def ports_of(verilog: str, module: str) -> dict[str, Port]:
     return {name: Port(direction, int(high or 0) + 1) for direction, high, name in PORT.findall(text)}
 
 
-def axi_of(ports: Mapping[str, Port], prefix: str) -> AxiPort | Axi:
+def axi_of(ports: Mapping[str, Port], prefix: str = f"{AXI}_") -> AxiPort | Axi:
     """The AXI4 port whose signals have the names that begin with `prefix`."""
     reads, writes = (f"{prefix}{name}" in ports for name in ("arvalid", "awvalid"))
     address, data = ("ar", "r") if reads else ("aw", "w")
@@ -42,15 +42,24 @@ def axi_of(ports: Mapping[str, Port], prefix: str) -> AxiPort | Axi:
     return AxiRead(**widths) if reads else AxiWrite(**widths)
 
 
-def watched(module: str, ports: Mapping[str, Port], *, prefix: str = f"{AXI}_", **limits: Any) -> str:
+def watched(
+    module: str,
+    ports: Mapping[str, Port],
+    *,
+    prefix: str = f"{AXI}_",
+    parameters: Mapping[str, int] | None = None,
+    **limits: Any,
+) -> str:
     """The Verilog of `<module>_watched`: the module with all of its ports, and the checker, `axi_checker`, beside the
-    one whose signals begin with `prefix`. Its outputs are RULE_PORTS; `axi_forget` resets it alone. `limits` are
-    parameters of the checker. Nothing of it is counted in coverage.
+    one whose signals begin with `prefix`. Its outputs are RULE_PORTS; `axi_forget` resets it alone. `parameters` are
+    those of the module, `limits` those of the checker. Nothing of it is counted in coverage.
     """
     declared = [f"  {port.direction} wire [{port.width - 1}:0] {name}" for name, port in ports.items()]
     declared += [f"  output wire [{RULE_BITS - 1}:0] {name}" for name in RULE_PORTS]
     inner = [f"    .{name}({name})" for name in ports]
-    watching = [f"    .{AXI}_{name}({prefix}{name})" for port in axi_of(ports, prefix).ports for name in port.members]
+    given = ", ".join(f".{name}({value})" for name, value in (parameters or {}).items())
+    axi = axi_of(ports, prefix)
+    watching = [f"    .{AXI}_{name}({prefix}{name})" for port in axi.ports for name in port.members]
     watching += ["    .broken()", *(f"    .{name.removeprefix('axi_')}({name})" for name in RULE_PORTS)]
     return "\n".join(
         [
@@ -58,7 +67,7 @@ def watched(module: str, ports: Mapping[str, Port], *, prefix: str = f"{AXI}_", 
             f"module {module}_watched (",
             ",\n".join([*declared, "  input wire axi_forget"]),
             ");",
-            f"  {module} unit (",
+            f"  {module} {f'#({given}) ' if given else ''}unit (",
             ",\n".join(inner),
             "  );",
             "  axi_checker watcher (",
@@ -66,12 +75,19 @@ def watched(module: str, ports: Mapping[str, Port], *, prefix: str = f"{AXI}_", 
             "  );",
             "endmodule",
             "",
-            checker(frozenset(ports.items()), prefix, **limits),
+            checker(axi, **limits),
         ]
     )
 
 
+def checker(axi: AxiPort | Axi, **limits: Any) -> str:
+    """The Verilog of the checker of a port, module `axi_checker`; `limits` are parameters of it."""
+    one = axi.ports[0]
+    return _checker(type(axi).__name__, one.address_width, one.data_width, one.id_width, **limits)
+
+
 @cache
-def checker(ports: frozenset[tuple[str, Port]], prefix: str, **limits: Any) -> str:
-    """The Verilog of the checker of an AXI4 port, module `axi_checker`; the rest as for `watched`."""
-    return convert(AxiChecker(axi_of(dict(ports), prefix), **limits), "axi_checker")
+def _checker(port: str, address_width: int, data_width: int, id_width: int, **limits: Any) -> str:
+    axi = {one.__name__: one for one in (AxiRead, AxiWrite, Axi)}[port]
+    widths = {"address_width": address_width, "data_width": data_width, "id_width": id_width}
+    return convert(AxiChecker(axi(**widths), **limits), "axi_checker")

@@ -159,7 +159,11 @@ int main(int argc, char** argv) {
         if (++cycle > moved + HANG_CYCLES) fail("hangs", cycle, answered);
     }
     const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - start;
-    if (system.violation) { std::fprintf(stderr, "the cache broke a rule of AXI\n"); return 1; }
+    if (system.violation || system.axi_master_rule || system.axi_slave_rule) {
+        std::fprintf(stderr, "a rule of AXI is broken: number %u, and %u by the memory\n",
+                     unsigned{system.axi_master_rule}, unsigned{system.axi_slave_rule});
+        return 1;
+    }
     const bool prefetched = system.read_bursts > system.misses;
     if (system.hits + uint64_t{system.misses} + system.merges != count || system.read_bursts < system.misses ||
         prefetched != (prefetches != 0)) {

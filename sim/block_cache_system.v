@@ -1,5 +1,5 @@
 // A block cache on the memory of the simulations, with counters of its events: what verif/benches/test_block_cache.py and
-// sim/block_cache_system.cpp drive. TAG_BITS, DATA_BITS and ID_BITS are those of the cache.
+// sim/block_cache_system.cpp drive. TAG_BITS, DATA_BITS and ID_BITS are those of the cache; axi_checker is emitted.
 
 `default_nettype none
 
@@ -30,6 +30,8 @@ module block_cache_system (
     input  wire [39:0]            error_last,
 
     output wire                   violation,
+    output wire [5:0]             axi_master_rule,
+    output wire [5:0]             axi_slave_rule,
     output wire [63:0]            read_bursts,
     output reg  [31:0]            hits,
     output reg  [31:0]            misses,
@@ -60,16 +62,28 @@ module block_cache_system (
       .hit(hit), .miss(miss), .merged(merged), .stalled(stalled), .evicted(evicted)
   );
 
+  axi_checker watcher (
+      .clk(clk), .rst(rst),
+      .m_axi_arvalid(arvalid), .m_axi_arready(arready), .m_axi_araddr(araddr), .m_axi_arid(arid),
+      .m_axi_arlen(arlen), .m_axi_arsize(arsize), .m_axi_arburst(arburst),
+      .m_axi_rvalid(rvalid), .m_axi_rready(rready), .m_axi_rdata(rdata), .m_axi_rid(rid), .m_axi_rresp(rresp),
+      .m_axi_rlast(rlast),
+      .broken(), .master_rule(axi_master_rule), .slave_rule(axi_slave_rule)
+  );
+
   axi_memory #(
       .DATA_WIDTH(`DATA_BITS), .ID_WIDTH(`ID_BITS), .MEMORY_BITS(20)
   ) memory (
       .clk(clk), .rst(rst),
       .latency(latency), .bandwidth(bandwidth), .reorder(reorder), .interleave(interleave), .stall(stall), .seed(seed),
-      .error_enable(error_enable), .error_first(error_first), .error_last(error_last),
+      .error_enable(error_enable), .write_error_enable(1'b0), .error_first(error_first), .error_last(error_last),
       .arvalid(arvalid), .arready(arready), .araddr(araddr), .arid(arid), .arlen(arlen), .arsize(arsize),
       .arburst(arburst),
       .rvalid(rvalid), .rready(rready), .rdata(rdata), .rid(rid), .rresp(rresp), .rlast(rlast),
-      .violation(violation), .read_bursts(read_bursts), .read_beats(), .busy_cycles()
+      .awvalid(1'b0), .awready(), .awaddr(40'd0), .awid({`ID_BITS{1'b0}}), .awlen(8'd0), .awsize(3'd0), .awburst(2'd0),
+      .wvalid(1'b0), .wready(), .wdata({`DATA_BITS{1'b0}}), .wstrb({`DATA_BITS / 8{1'b0}}), .wlast(1'b0),
+      .bvalid(), .bready(1'b1), .bid(), .bresp(),
+      .violation(violation), .read_bursts(read_bursts), .read_beats(), .busy_cycles(), .write_bursts(), .write_beats()
   );
 
   always @(posedge clk)

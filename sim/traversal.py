@@ -11,7 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from lightloom.gen.watched import axi_of, checker, ports_of
 from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.axi_rules import AXI_RULES, rule_of
 from lightloom.golden_model.contract.formats import BLOCK_BYTES, RAY_QUERY, RAY_RESULT
 from lightloom.golden_model.host.errors import InputError
 from lightloom.rtl.config import PRESETS, Config
@@ -98,12 +100,13 @@ class TraversalUnit:
             "TIMEOUT_BITS": ports["read_timeout"],
             "MEMORY_BITS": memory_bits,
             "COUNTER_NUMBER": len(self._counters),
+            "RULE_BITS": len(AXI_RULES).bit_length(),
             "COUNTERS": "".join(counters),
             "PROGRESS": ",".join(str(self._counters.index(name)) for name in WORKING),
         }
         self._binary = verilated.build(
             "traversal",
-            verilog,
+            verilog + checker(axi_of(ports_of(verilog, "traversal"))),
             top=TOP,
             others=[MEMORY],
             harness=HARNESS,
@@ -179,7 +182,9 @@ class TraversalUnit:
             packed = np.fromfile(target, dtype=np.uint32).reshape(-1, words)
         if done.returncode:
             said = [line for line in done.stdout.splitlines() if line.startswith("axi_memory:")][:1]
-            message = "; ".join([done.stderr.strip() or str(done.returncode), *said])
+            rules = [line.split()[1:] for line in done.stdout.splitlines() if line.startswith("axi_rules ")]
+            broken = [rule_of(int(number)) for numbers in rules for number in numbers if int(number)]
+            message = "; ".join([done.stderr.strip() or str(done.returncode), *broken, *said])
             raise TraversalError(
                 f"traversal ({', '.join(f'{name} {value}' for name, value in options.items())}): {message}"
             )

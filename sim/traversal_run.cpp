@@ -11,7 +11,8 @@
 // of the memory in that time; most_in_flight, rays; simulated, cycles of the whole run, and the seconds of processor
 // time for them; counter, in the order of the top's port.
 // Exits with 1 and one line on stderr where a tag is not that of a ray under way, a result is missing or too many,
-// nothing moves any more, or the unit breaks a rule of AXI.
+// nothing moves any more, or a rule of AXI is broken: then "axi_rules" with the numbers of the first ones that the unit and
+// the memory broke (golden_model/contract/axi_rules.py).
 //
 // PROGRESS are the numbers of the counters one of which moves where the unit works on long rays.
 
@@ -204,7 +205,11 @@ int main(int argc, char** argv) {
                 fail("the unit gives no result for longer than the whole tree takes", tags.oldest(), received, STILL);
         }
     }
-    if (run.violation) { std::fprintf(stderr, "the unit breaks a rule of AXI\n"); return 1; }
+    if (run.violation || run.axi_master_rule || run.axi_slave_rule) {
+        std::printf("axi_rules %u %u\n", unsigned{run.axi_master_rule}, unsigned{run.axi_slave_rule});
+        std::fprintf(stderr, "a rule of AXI is broken\n");
+        return 1;
+    }
 
     const double seconds = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
     std::printf("load_error %" PRIu64 "\ncycles %" PRIu64 "\n", load_error, count == 0 ? 0 : last - first);

@@ -5,6 +5,7 @@
 // the harness offers it, and out_ready holds for the cycle after. out_valid is high where a result is taken.
 //
 // COUNTERS connects the unit's counters, each of 64 bits here; LOAD_ERROR_BITS and so on are the widths of its ports.
+// axi_checker is emitted (gen/watched.py): it watches the memory port, and says which rules of AXI were broken first.
 
 `default_nettype none
 
@@ -41,7 +42,9 @@ module traversal_run (
     output wire                                  violation,
     output wire [63:0]                           read_bursts,
     output wire [63:0]                           read_beats,
-    output wire [63:0]                           busy_cycles
+    output wire [63:0]                           busy_cycles,
+    output wire [`RULE_BITS - 1:0]               axi_master_rule,
+    output wire [`RULE_BITS - 1:0]               axi_slave_rule
 );
 
   reg reset, valid, ready, loading, clearing;
@@ -109,6 +112,27 @@ module traversal_run (
       .m_axi_rlast(rlast)
   );
 
+  axi_checker watcher (
+      .clk(clk),
+      .rst(reset),
+      .m_axi_arvalid(arvalid),
+      .m_axi_arready(arready),
+      .m_axi_araddr(araddr),
+      .m_axi_arid(arid),
+      .m_axi_arlen(arlen),
+      .m_axi_arsize(arsize),
+      .m_axi_arburst(arburst),
+      .m_axi_rvalid(rvalid),
+      .m_axi_rready(rready),
+      .m_axi_rdata(rdata),
+      .m_axi_rid(rid),
+      .m_axi_rresp(rresp),
+      .m_axi_rlast(rlast),
+      .broken(),
+      .master_rule(axi_master_rule),
+      .slave_rule(axi_slave_rule)
+  );
+
   axi_memory #(
       .DATA_WIDTH(`AXI_BITS),
       .ADDRESS_WIDTH(`ADDRESS_BITS),
@@ -125,6 +149,7 @@ module traversal_run (
       .stall(stall),
       .seed(seed),
       .error_enable(error_enable),
+      .write_error_enable(1'b0),
       .error_first(error_first),
       .error_last(error_last),
       .arvalid(arvalid),
@@ -140,10 +165,28 @@ module traversal_run (
       .rid(rid),
       .rresp(rresp),
       .rlast(rlast),
+      .awvalid(1'b0),
+      .awready(),
+      .awaddr({`ADDRESS_BITS{1'b0}}),
+      .awid({`ID_BITS{1'b0}}),
+      .awlen(8'd0),
+      .awsize(3'd0),
+      .awburst(2'd0),
+      .wvalid(1'b0),
+      .wready(),
+      .wdata({`AXI_BITS{1'b0}}),
+      .wstrb({`AXI_BITS / 8{1'b0}}),
+      .wlast(1'b0),
+      .bvalid(),
+      .bready(1'b1),
+      .bid(),
+      .bresp(),
       .violation(violation),
       .read_bursts(read_bursts),
       .read_beats(read_beats),
-      .busy_cycles(busy_cycles)
+      .busy_cycles(busy_cycles),
+      .write_bursts(),
+      .write_beats()
   );
 
 endmodule

@@ -79,15 +79,34 @@ module {{ module }}_tb;
       .stall(slow ? 8'd60 : 8'd0),
       .seed(32'd{{ seed }}),
       .error_enable(1'b0),
+      .write_error_enable(1'b0),
       .error_first({{ widths.m_axi_araddr }}'d0),
       .error_last({{ widths.m_axi_araddr }}'d0),
 {% for port in axi %}
       .{{ port.name.removeprefix("m_axi_") }}({{ port.name.removeprefix("m_axi_") }}),
 {% endfor %}
+      .awvalid(1'b0),
+      .awready(),
+      .awaddr({{ widths.m_axi_araddr }}'d0),
+      .awid({{ widths.m_axi_arid }}'d0),
+      .awlen(8'd0),
+      .awsize(3'd0),
+      .awburst(2'd0),
+      .wvalid(1'b0),
+      .wready(),
+      .wdata({{ widths.m_axi_rdata }}'d0),
+      .wstrb({{ widths.m_axi_rdata // 8 }}'d0),
+      .wlast(1'b0),
+      .bvalid(),
+      .bready(1'b1),
+      .bid(),
+      .bresp(),
       .violation(violation),
       .read_bursts(),
       .read_beats(),
-      .busy_cycles()
+      .busy_cycles(),
+      .write_bursts(),
+      .write_beats()
   );
 
   integer cycle, entered, left, idle, seed, fault, k;

@@ -15,7 +15,10 @@ import pytest
 from amaranth.sim import Simulator
 
 from lightloom.gen.verilog import convert
+from lightloom.gen.watched import checker
+from lightloom.golden_model.contract.axi_rules import RULE_PORTS
 from lightloom.rtl.fabric.queues import number_width
+from lightloom.rtl.memory.axi import AxiRead
 from lightloom.rtl.memory.block_answers import PATIENCE
 from lightloom.rtl.memory.block_cache import CALM, CROWD, BlockCache
 from lightloom.sim import toolchain, verilated
@@ -38,11 +41,17 @@ CACHES: dict[str, dict[str, int]] = {
 PORTS = ["clk", "rst", "i__valid", "i__ready", "i__payload", "o__valid", "o__ready", "o__payload", "base", "invalidate"]
 PORTS += ["prefetch__valid", "prefetch__block", "prefetching"]
 PORTS += ["latency", "bandwidth", "reorder", "interleave", "stall", "seed", "error_enable", "error_first", "error_last"]
-PORTS += ["violation", "read_bursts", "hits", "misses", "merges", "stalls", "evictions"]
+PORTS += ["violation", *RULE_PORTS, "read_bursts", "hits", "misses", "merges", "stalls", "evictions"]
 
 
 def verilog(cache: str, tag_width: int) -> str:
     return convert(BlockCache(**CACHES[cache], tag_width=tag_width), "block_cache")
+
+
+def checker_of(cache: str) -> str:
+    shape = CACHES[cache]
+    widths = {"data_width": shape["data_width"], "id_width": number_width(shape["misses"])}
+    return checker(AxiRead(address_width=40, **widths))
 
 
 def macros(cache: str, tag_width: int) -> dict[str, int]:
@@ -71,6 +80,7 @@ def bench(folder: Path, simulator: str, cache: str, count: int, text: str | None
             "block_cache_system.v": defines + SYSTEM.read_text(encoding="utf-8"),
             "axi_memory.v": MEMORY.read_text(encoding="utf-8"),
             "block_cache.v": verilog(cache, 16) if text is None else text,
+            "axi_checker.v": checker_of(cache),
         },
         simulator,
         module="lightloom.verif.benches.test_block_cache",
@@ -91,7 +101,8 @@ def test_bench(simulator: str, tmp_path: Path) -> None:
 def test_hundreds_of_thousands_of_requests(cache: str, tmp_path: Path) -> None:
     defines = [f"{name}={value}" for name, value in macros(cache, 10).items()]
     harness = SIM / "block_cache_system.cpp"
-    binary = verilated.build(cache, verilog(cache, 10), top=SYSTEM, others=[MEMORY], harness=harness, defines=defines)
+    text = verilog(cache, 10) + checker_of(cache)
+    binary = verilated.build(cache, text, top=SYSTEM, others=[MEMORY], harness=harness, defines=defines)
     image = random_image(tmp_path / "image.bin", 9000)
     few = 20 if cache == "least" else 1
 

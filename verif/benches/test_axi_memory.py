@@ -1,7 +1,8 @@
 """Bench of the memory of the simulations, sim/axi_memory.v: its data, its timing and the rules of AXI4.
 
-The master is cocotbext-axi's, which nobody here wrote. Beside it a monitor looks at both channels in every cycle: what
-comes back has to be the image in all bits, burst by burst, with the order and the timing that was asked for.
+The master is cocotbext-axi's, which nobody here wrote. Beside it a monitor looks at all channels in every cycle: what
+comes back has to be the image in all bits, burst by burst, with the order and the timing that was asked for. What is
+written lies over the image for all tests that follow: nothing but a new simulation brings the image back.
 """
 
 import itertools
@@ -18,8 +19,21 @@ from typing import Any
 import cocotb
 from cocotb.clock import Clock
 from cocotb.triggers import ClockCycles, FallingEdge
-from cocotbext.axi import AxiBurstType, AxiMasterRead, AxiReadBus, AxiResp
-from cocotbext.axi.axi_channels import AxiARBus, AxiARSource, AxiRBus, AxiRSink
+from cocotbext.axi import AxiBurstType, AxiMasterRead, AxiMasterWrite, AxiReadBus, AxiResp, AxiWriteBus
+from cocotbext.axi.axi_channels import (
+    AxiARBus,
+    AxiARSource,
+    AxiAWBus,
+    AxiAWSource,
+    AxiBBus,
+    AxiBSink,
+    AxiRBus,
+    AxiRSink,
+    AxiWBus,
+    AxiWSource,
+)
+
+from lightloom.golden_model.contract.axi_rules import RULE_PORTS, rule_of
 
 INCR, POISON = 1, 0xDEADBEEF
 HANG_CYCLES = 3000
@@ -40,17 +54,31 @@ class Burst:
     offered: list[int] = field(default_factory=list)
     taken: list[int] = field(default_factory=list)
     responses: list[int] = field(default_factory=list)
+    data: list[tuple[int, int]] = field(default_factory=list)
+    """Of a write: its beats and their strobes, as they were taken."""
+    whole: int = 0
+    """The cycle in which the last of its address and its data was taken."""
+
+    def address_of(self, beat: int) -> int:
+        """The first byte of a beat."""
+        return self.address if beat == 0 else self.address // self.size * self.size + beat * self.size
+
+
+CONTENT = bytearray()
+"""What the memory holds: the image and all that was written over it, in this simulation."""
 
 
 class Monitor:
-    """Watches the memory's two channels in the middle of every cycle, when they have settled."""
+    """Watches the memory's channels in the middle of every cycle, when they have settled."""
 
-    def __init__(self, dut: Any, image: bytes, memory_bytes: int) -> None:
+    def __init__(self, dut: Any, memory_bytes: int, writable: list[range]) -> None:
         self.dut = dut
-        self.image = image
         self.memory_bytes = memory_bytes
+        self.writable = writable
         self.lanes = len(dut.rdata) // 8
         self.errors: range = range(0)
+        self.write_errors: range = range(0)
+        self.rules = [getattr(dut, name) for name in RULE_PORTS if hasattr(dut, name)]
         self.broken_master = False
         """The master of this test breaks rules on purpose."""
         self.forget()
@@ -65,6 +93,11 @@ class Monitor:
         self.beats: list[tuple[int, Burst]] = []  # (cycle taken, burst)
         self._waiting: dict[int, deque[Burst]] = defaultdict(deque)
         self._held: tuple[int, ...] | None = None
+        self.writes: list[Burst] = []
+        self.answered = 0
+        self._data: deque[tuple[int, int]] = deque()  # beats without an address
+        self._unanswered: dict[int, deque[Burst]] = defaultdict(deque)
+        self._answer: tuple[int, int] | None = None
 
     async def _watch(self) -> None:
         dut, edge = self.dut, FallingEdge(self.dut.clk)
@@ -82,16 +115,21 @@ class Monitor:
                 self.ready_cycles += 1
                 if int(dut.arvalid.value):
                     self._accept()
+            self._watch_writes()
             assert self.broken_master or not int(dut.violation.value), f"cycle {self.cycle}: violation"
+            for rule in self.rules if not self.broken_master else ():
+                assert not int(rule.value), f"cycle {self.cycle}: {rule_of(int(rule.value))}"
             self.cycle += 1
 
+    def _burst(self, channel: str, number: int) -> Burst:
+        names = (f"{channel}{name}" for name in ("id", "addr", "len", "size", "burst"))
+        identity, address, length, size, kind = (int(getattr(self.dut, name).value) for name in names)
+        return Burst(number, identity, address, length + 1, 1 << size, kind, self.cycle)
+
     def _accept(self) -> None:
-        dut = self.dut
-        names = ("arid", "araddr", "arlen", "arsize", "arburst")
-        identity, address, length, size, kind = (int(getattr(dut, name).value) for name in names)
-        burst = Burst(len(self.bursts), identity, address, length + 1, 1 << size, kind, self.cycle)
+        burst = self._burst("ar", len(self.bursts))
         self.bursts.append(burst)
-        self._waiting[identity].append(burst)
+        self._waiting[burst.id].append(burst)
 
     def _beat(self, taken: bool) -> None:
         dut = self.dut
@@ -120,7 +158,7 @@ class Monitor:
 
     def _expected(self, burst: Burst, beat: int) -> tuple[int, int]:
         """The whole bus, also those of its bytes that a narrow beat does not ask for, and the response."""
-        first = burst.address if beat == 0 else burst.address // burst.size * burst.size + beat * burst.size
+        first = burst.address_of(beat)
         start = first // burst.size * burst.size
         poison = int.from_bytes(POISON.to_bytes(4, "little") * (self.lanes // 4), "little")
         touched = range(max(start, self.errors.start), min(start + burst.size, self.errors.stop))
@@ -129,12 +167,65 @@ class Monitor:
         if start >= self.memory_bytes:
             return poison, AxiResp.DECERR
         word = first // self.lanes * self.lanes
-        return int.from_bytes(self.image[word : word + self.lanes].ljust(self.lanes, b"\0"), "little"), AxiResp.OKAY
+        return int.from_bytes(CONTENT[word : word + self.lanes], "little"), AxiResp.OKAY
 
-    def overtaken(self) -> int:
-        """Bursts whose first beat came after that of a burst accepted later."""
+    # --- writes ---------------------------------------------------------------------------------------------------
+
+    def _watch_writes(self) -> None:
+        """After the reads of this cycle: what is written shows from the cycle after the one that offers its answer."""
+        dut = self.dut
+        if int(dut.bvalid.value):
+            self._see_answer(taken=bool(int(dut.bready.value)))
+        else:
+            assert self._answer is None, f"cycle {self.cycle}: a waiting answer was withdrawn"
+        if int(dut.awvalid.value) and int(dut.awready.value):
+            burst = self._burst("aw", len(self.writes))
+            self.writes.append(burst)
+            self._unanswered[burst.id].append(burst)
+        if int(dut.wvalid.value) and int(dut.wready.value):
+            self._data.append((int(dut.wdata.value), int(dut.wstrb.value)))
+        for burst in self.writes:
+            while self._data and len(burst.data) < burst.length:
+                burst.data.append(self._data.popleft())
+                burst.whole = self.cycle
+
+    def _see_answer(self, taken: bool) -> None:
+        identity, response = int(self.dut.bid.value), int(self.dut.bresp.value)
+        assert self._answer in (None, (identity, response)), f"cycle {self.cycle}: a waiting answer changed"
+        assert self._unanswered[identity], f"cycle {self.cycle}: an answer with id {identity:#x}, which waits for none"
+        burst = self._unanswered[identity][0]
+        assert len(burst.data) == burst.length, f"cycle {self.cycle}: an answer before the data of {burst}"
+        if self._answer is None:
+            burst.offered.append(self.cycle)
+            wanted = self._write(burst)
+            assert response == wanted, f"cycle {self.cycle}: response {response} to {burst}; expected {wanted}"
+        self._answer = None if taken else (identity, response)
+        if taken:
+            burst.taken.append(self.cycle)
+            burst.responses.append(response)
+            self._unanswered[identity].popleft()
+            self.answered += 1
+
+    def _write(self, burst: Burst) -> int:
+        """Its bytes into the content, if they come there; its response."""
+        if burst.kind != INCR or burst.size > self.lanes:
+            return AxiResp.SLVERR
+        whole = range(burst.address // burst.size * burst.size, burst.address_of(burst.length))
+        if range(max(whole.start, self.write_errors.start), min(whole.stop, self.write_errors.stop)):
+            return AxiResp.SLVERR
+        if whole.stop > self.memory_bytes:
+            return AxiResp.DECERR
+        for beat, (data, strobes) in enumerate(burst.data):
+            word = burst.address_of(beat) // self.lanes * self.lanes
+            for lane in range(self.lanes):
+                if strobes >> lane & 1 and any(word + lane in region for region in self.writable):
+                    CONTENT[word + lane] = data >> 8 * lane & 0xFF
+        return AxiResp.OKAY
+
+    def overtaken(self, bursts: list[Burst] | None = None) -> int:
+        """Bursts, of reads as a rule, whose first answer came after that of a burst accepted later."""
         latest, count = -1, 0
-        for burst in sorted(self.bursts, key=lambda burst: burst.offered[0]):
+        for burst in sorted(self.bursts if bursts is None else bursts, key=lambda burst: burst.offered[0]):
             count += burst.number < latest
             latest = max(latest, burst.number)
         return count
@@ -157,8 +248,12 @@ class Bench:
         run = json.loads(os.environ["LIGHTLOOM_BENCH"])
         self.dut = dut
         self.queue: int = run["queue"]
-        self.image = Path(run["image"]).read_bytes()
+        self.writes: int = run["writes"]
         self.memory_bytes: int = 1 << run["memory_bits"]
+        if not CONTENT:
+            CONTENT.extend(Path(run["image"]).read_bytes().ljust(self.memory_bytes, b"\0"))
+        self.image_bytes: int = Path(run["image"]).stat().st_size
+        self.writable = [range(first, last + 1) for first, last in run["writable"]]
         self.rng = random.Random(run["seed"])
         self.lanes = len(dut.rdata) // 8
         self.size = self.lanes.bit_length() - 1
@@ -170,12 +265,13 @@ class Bench:
         """Starts the clock and resets the memory; what `settings` do not name is as fast and plain as can be."""
         self.dut.rst.value = 1
         self.set(latency=0, bandwidth=256, reorder=0, interleave=0, stall=0, error_enable=0, error_first=0)
-        self.set(error_last=0, seed=self.rng.getrandbits(32))
+        self.set(error_last=0, write_error_enable=0, seed=self.rng.getrandbits(32))
         self.set(**settings)
-        self.dut.rready.value = 0
-        self.dut.arvalid.value = 0
+        self.set(rready=0, arvalid=0, awvalid=0, wvalid=0, bready=0)
+        if hasattr(self.dut, "axi_forget"):
+            self.set(axi_forget=0)
         Clock(self.dut.clk, 10, unit="ns").start()
-        self.monitor = Monitor(self.dut, self.image, self.memory_bytes)
+        self.monitor = Monitor(self.dut, self.memory_bytes, self.writable)
         await self.reset()
 
     async def reset(self) -> None:
@@ -193,6 +289,21 @@ class Bench:
 
     def channels(self) -> "Channels":
         return Channels(self)
+
+    def writer(self) -> AxiMasterWrite:
+        return AxiMasterWrite(AxiWriteBus.from_entity(self.dut), self.dut.clk, self.dut.rst)
+
+    async def answered(self, writes: int) -> None:
+        """Waits until `writes` have been accepted and answered, and a while longer."""
+        monitor = self.monitor
+        before, idle = -1, 0
+        while monitor.answered < writes:
+            await ClockCycles(self.dut.clk, 20)
+            idle = 0 if monitor.answered != before else idle + 20
+            before = monitor.answered
+            assert idle < HANG_CYCLES, f"hangs: {monitor.answered} of {writes} writes answered"
+        await ClockCycles(self.dut.clk, 100)
+        assert len(monitor.writes) == monitor.answered == writes
 
     async def finished(self, bursts: int) -> None:
         """Waits until `bursts` have been accepted and answered, and a while longer, to see a beat too many."""
@@ -233,6 +344,55 @@ class Channels:
             self.send(page * 4096 + offset, arid=bench.rng.randrange(ids or bench.ids), beats=beats)
 
 
+class WriteChannels:
+    """The three channels of the master by themselves: addresses and data each as fast as the memory takes them."""
+
+    def __init__(self, bench: Bench) -> None:
+        dut = bench.dut
+        self.bench = bench
+        self.addresses = AxiAWSource(AxiAWBus.from_entity(dut), dut.clk, dut.rst)
+        self.data = AxiWSource(AxiWBus.from_entity(dut), dut.clk, dut.rst)
+        self.answers = AxiBSink(AxiBBus.from_entity(dut), dut.clk, dut.rst)
+
+    def send(
+        self,
+        address: int,
+        *,
+        awid: int = 0,
+        beats: int = 1,
+        size: int | None = None,
+        kind: int = INCR,
+        strobes: int | None = None,
+        last: int | None = None,
+    ) -> None:
+        """A burst of random data. As a rule a beat has the `strobes` of all of its bytes, the `last` one has WLAST."""
+        bench = self.bench
+        size = bench.size if size is None else size
+        burst = self.addresses._transaction_obj()
+        burst.awaddr, burst.awid, burst.awlen, burst.awburst, burst.awsize = address, awid, beats - 1, kind, size
+        self.addresses.send_nowait(burst)
+        for number in range(beats):
+            first = address if number == 0 else (address & -(1 << size)) + (number << size)
+            end = (first & -(1 << size)) % bench.lanes + (1 << size)
+            mine = (1 << end) - (1 << first % bench.lanes)
+            beat = self.data._transaction_obj()
+            beat.wdata = bench.rng.getrandbits(8 * bench.lanes)
+            beat.wstrb = mine if strobes is None else strobes
+            beat.wlast = int(number == (beats - 1 if last is None else last))
+            self.data.send_nowait(beat)
+
+    def send_random(self, count: int, *, ids: int | None = None, longest: int = 4) -> None:
+        """Bursts within the regions that may be written, none across a 4 KB boundary."""
+        bench = self.bench
+        region = max(bench.writable, key=len)
+        for _ in range(count):
+            beats = bench.rng.randint(1, longest)
+            step = beats * bench.lanes
+            page = bench.rng.randrange(-(-region.start // 4096), region.stop // 4096)
+            offset = bench.rng.randrange(4096 // step) * step
+            self.send(page * 4096 + offset, awid=bench.rng.randrange(ids or bench.ids), beats=beats)
+
+
 def willing(rng: random.Random, share: float) -> Iterator[bool]:
     """Pauses of a channel: in how large a share of cycles it is willing."""
     while True:
@@ -255,10 +415,11 @@ async def data_of_any_read(dut: Any) -> None:
         event = master.init_read(address, length, size=size, arid=bench.rng.randrange(bench.ids))
         reads.append((address, length, event))
     # The last bytes of the image, which do not fill a word, and what follows.
-    reads.append((len(bench.image) - 5, 40, master.init_read(len(bench.image) - 5, 40)))
+    end = bench.image_bytes
+    reads.append((end - 5, 40, master.init_read(end - 5, 40)))
     for address, length, event in reads:
         await event.wait()
-        expected = bench.image[address : address + length].ljust(length, b"\0")
+        expected = CONTENT[address : address + length]
         assert (event.data.resp, event.data.data) == (AxiResp.OKAY, expected), f"{length} bytes at {address:#x}"
 
 
@@ -278,7 +439,7 @@ async def stalled_and_out_of_order(dut: Any, reorder: int, interleave: int) -> N
         reads.append((address, length, master.init_read(address, length, arid=bench.rng.randrange(6))))
     for address, length, event in reads:
         await event.wait()
-        assert event.data.data == bench.image[address : address + length].ljust(length, b"\0")
+        assert event.data.data == CONTENT[address : address + length]
     monitor = bench.monitor
     overtaken, mixed = monitor.overtaken(), monitor.interleaved()
     cocotb.log.info("%d bursts, %d overtaken, %d beats mixed", len(monitor.bursts), overtaken, mixed)
@@ -482,5 +643,262 @@ async def violations(dut: Any, rule: str) -> None:
     await FallingEdge(dut.clk)
     assert int(dut.violation.value) == (rule != "none")
     bench.set(**{**ask, "arvalid": 0})
+    await bench.reset()
+    assert int(dut.violation.value) == 0
+
+
+# --- writes -----------------------------------------------------------------------------------------------------------
+
+
+@cocotb.test()
+async def data_of_any_write(dut: Any) -> None:
+    """The master's writes of any address, length and beat size are read back, and what lies beside them stays."""
+    bench = Bench(dut)
+    await bench.start(latency=3)
+    writer, reader = bench.writer(), bench.master()
+    for round_ in range(3):
+        events = []
+        for _ in range(40):
+            region = bench.rng.choice(bench.writable)
+            length = min(bench.rng.choice([1, 2, 3, bench.lanes, bench.rng.randrange(1, 300)]), len(region))
+            address = bench.rng.randrange(region.start, region.stop - length + 1)
+            size = bench.rng.randrange(bench.size + 1)
+            data = bench.rng.randbytes(min(length, 100) if size < 2 else length)
+            event = writer.init_write(address, data, size=size, awid=bench.rng.randrange(bench.ids))
+            events.append((address, data, event))
+            if round_ == 0:  # one after the other: each is read back
+                await event.wait()
+                assert event.data.resp == AxiResp.OKAY
+                assert (await reader.read(address, len(data))).data == data
+        for _, _, event in events:
+            await event.wait()
+        for region in bench.writable:
+            start, length = max(region.start - 8, 0), min(len(region) + 16, 1000)
+            length = min(length, bench.memory_bytes - start)
+            assert (await reader.read(start, length)).data == CONTENT[start : start + length]
+
+
+@cocotb.test()
+@cocotb.parametrize(reorder=[0, 100, 255])
+async def writes_stalled_and_out_of_order(dut: Any, reorder: int) -> None:
+    """All sides stall at random, and reads go on: nothing lost, each id in order; overtaking only as asked for."""
+    bench = Bench(dut)
+    await bench.start(latency=20, bandwidth=200, stall=60, reorder=reorder)
+    channels, reads = WriteChannels(bench), bench.channels()
+    for channel, share in ((channels.addresses, 0.8), (channels.data, 0.9), (channels.answers, 0.5)):
+        channel.set_pause_generator(willing(bench.rng, share))
+    channels.send_random(200, ids=6)
+    region = max(bench.writable, key=len)
+    for _ in range(600):
+        reads.send(bench.rng.randrange(region.start, region.stop) & -bench.lanes, arid=bench.rng.randrange(6))
+    await bench.answered(200)
+    await bench.finished(600)
+    overtaken = bench.monitor.overtaken(bench.monitor.writes)
+    cocotb.log.info("%d writes, %d overtaken", len(bench.monitor.writes), overtaken)
+    assert overtaken > 20 if reorder else overtaken == 0
+
+
+@cocotb.test()
+async def latency_of_answers(dut: Any) -> None:
+    """Alone, an answer is offered exactly `latency` cycles after the last of address and data was taken."""
+    bench = Bench(dut)
+    await bench.start()
+    channels = WriteChannels(bench)
+    settings = (0, 1, 2, 3, 50, 100)
+    for count, cycles in enumerate(settings, 1):
+        bench.set(latency=cycles)
+        channels.addresses.pause = count % 2 == 0  # its data comes first
+        channels.send_random(1)
+        await ClockCycles(dut.clk, 10)
+        channels.addresses.pause = False
+        await bench.answered(count)
+        burst = bench.monitor.writes[-1]
+        assert burst.offered == [max(burst.whole, burst.accepted) + max(cycles, 1)], f"latency {cycles}: {burst}"
+
+
+@cocotb.test()
+async def full_rate_of_writes(dut: Any) -> None:
+    """A beat, an address and an answer every cycle."""
+    bench = Bench(dut)
+    await bench.start(latency=10)
+    channels = WriteChannels(bench)
+    channels.send_random(200, longest=1)
+    await bench.answered(200)
+    writes = bench.monitor.writes
+    assert [burst.taken[0] - writes[0].taken[0] for burst in writes] == list(range(200))
+
+
+@cocotb.test()
+async def reads_do_not_depend_on_writes(dut: Any) -> None:
+    """The same seed and the same reads: the same cycles, whether anything is written or not."""
+    bench = Bench(dut)
+    seed, seen = bench.rng.getrandbits(32), []
+    await bench.start(latency=13, reorder=100, interleave=1, stall=60, seed=seed)
+    reads, writes = bench.channels(), WriteChannels(bench)
+    for count in (0, 100):
+        await bench.reset()
+        bench.rng.seed(3)
+        reads.send_random(100, beats=2)
+        writes.send_random(count)
+        await bench.finished(100)
+        await bench.answered(count)
+        seen.append([burst.offered for burst in bench.monitor.bursts])
+    assert seen[0] == seen[1]
+
+
+@cocotb.test()
+async def what_is_not_answered_is_not_there(dut: Any) -> None:
+    """Reads get the old bytes until the answer is offered, and the new ones from then on, however long it waits."""
+    bench = Bench(dut)
+    await bench.start(latency=40)
+    writes, reads = WriteChannels(bench), bench.channels()
+    address = -(-max(bench.writable, key=len).start // 4096) * 4096
+    before = bytes(CONTENT[address : address + bench.lanes])
+    writes.answers.pause = True
+    writes.send(address)
+    await ClockCycles(dut.clk, 10)
+    bench.set(latency=1)  # of what is accepted from now on
+    for _ in range(60):
+        reads.send(address)
+        await ClockCycles(dut.clk, 2)
+    await bench.finished(60)
+    monitor = bench.monitor
+    assert bytes(CONTENT[address : address + bench.lanes]) != before
+    offered = monitor.writes[0].offered[0]
+    assert not monitor.answered
+    assert monitor.bursts[0].offered[0] <= offered < monitor.bursts[-1].offered[0], "the monitor compared nothing"
+    writes.answers.pause = False
+    await bench.answered(1)
+
+
+@cocotb.test()
+async def errors_of_writes(dut: Any) -> None:
+    """An error range, and kinds of bursts that are not served: nothing of them is written; others go on."""
+    bench = Bench(dut)
+    lanes, start = bench.lanes, -(-max(bench.writable, key=len).start // 4096) * 4096
+    await bench.start(write_error_enable=1, error_first=start + 3, error_last=start + lanes, reorder=128)
+    bench.monitor.write_errors = range(start + 3, start + lanes + 1)
+    channels = WriteChannels(bench)
+    channels.send(start, awid=1, beats=4)
+    channels.send(start, awid=2, size=0, beats=3)  # the bytes before the range
+    channels.send(start, awid=2, size=0, beats=4)
+    channels.send(start + lanes, awid=3)
+    channels.send(start + 2 * lanes, awid=3)
+    channels.send(start + 4 * lanes, awid=6, beats=4, kind=AxiBurstType.WRAP)
+    channels.send(start + 4 * lanes, awid=7, beats=4, kind=AxiBurstType.FIXED)
+    channels.send(start + 4 * lanes, awid=7)
+    await bench.answered(8)
+    ok, slave = AxiResp.OKAY, AxiResp.SLVERR
+    assert [burst.responses for burst in bench.monitor.writes] == [
+        [slave],
+        [ok],
+        [slave],
+        [slave],
+        [ok],
+        [slave],
+        [slave],
+        [ok],
+    ]
+    reads = bench.channels()
+    reads.send(start, beats=8)
+    await bench.finished(1)
+    bench.set(write_error_enable=0, error_enable=1)  # of reads alone
+    bench.monitor.write_errors = range(0)
+    channels.send(start, beats=2)
+    await bench.answered(9)
+    bench.set(error_enable=0)
+    reads.send(start, beats=8)
+    await bench.finished(2)
+
+
+@cocotb.test()
+@cocotb.parametrize(offset=[-1, 0])
+async def bytes_that_may_not_be_written(dut: Any, offset: int) -> None:
+    """At both ends of every region: the first byte beyond is flagged and stays, the last one within is not flagged."""
+    bench = Bench(dut)
+    await bench.start()
+    bench.monitor.broken_master = True
+    channels, reads = WriteChannels(bench), bench.channels()
+    count = 0
+    for region in bench.writable:
+        for byte in (region.start + offset, region.stop + offset):
+            if not 0 <= byte < bench.memory_bytes:
+                continue
+            channels.send(byte // bench.lanes * bench.lanes, strobes=1 << byte % bench.lanes)
+            count += 1
+            await bench.answered(count)
+            allowed = any(byte in each for each in bench.writable)
+            assert int(dut.violation.value) == (not allowed), f"byte {byte:#x}"
+            reads.send(byte // bench.lanes * bench.lanes)
+            await bench.finished(1)
+            await bench.reset()
+            count = 0
+    # Beyond the memory
+    channels.send(bench.memory_bytes)
+    await bench.answered(1)
+    assert int(dut.violation.value)
+    assert bench.monitor.writes[0].responses == [AxiResp.DECERR]
+
+
+@cocotb.test()
+async def counters_of_writes(dut: Any) -> None:
+    """Bursts accepted, beats taken; those of reads do not count them. And a reset, with some under way, drops them."""
+    bench = Bench(dut)
+    await bench.start(latency=7, stall=50, reorder=100)
+    channels = WriteChannels(bench)
+    channels.send_random(30)
+    await bench.answered(30)
+    names = ("write_bursts", "write_beats", "read_bursts", "read_beats", "busy_cycles")
+    beats = sum(burst.length for burst in bench.monitor.writes)
+    assert [int(getattr(dut, name).value) for name in names] == [30, beats, 0, 0, 0]
+    bench.set(latency=60)
+    channels.send_random(60)
+    await ClockCycles(dut.clk, 50)
+    assert bench.monitor.answered < len(bench.monitor.writes)
+    for source in (channels.addresses, channels.data):
+        source.clear()
+    await bench.reset()
+    assert [int(getattr(dut, name).value) for name in names] == [0] * 5
+    assert not int(dut.bvalid.value)
+    channels.send_random(60)
+    await bench.answered(60)
+    Path("answered.json").write_text(json.dumps([burst.offered for burst in bench.monitor.writes]))
+
+
+@cocotb.test()
+async def writes_under_way(dut: Any) -> None:
+    """Nobody takes answers: WRITES bursts are accepted and no more, and data for them; then all are answered."""
+    bench = Bench(dut)
+    await bench.start()
+    channels = WriteChannels(bench)
+    channels.answers.pause = True
+    channels.send_random(bench.writes + 20, longest=1)
+    await ClockCycles(dut.clk, bench.writes + 100)
+    assert len(bench.monitor.writes) == bench.writes
+    assert not int(dut.awready.value)
+    channels.answers.pause = False
+    await bench.answered(bench.writes + 20)
+
+
+@cocotb.test()
+@cocotb.parametrize(rule=["none", "boundary", "early last", "no last", "strobe"])
+async def violations_of_writes(dut: Any, rule: str) -> None:
+    """A master that breaks a rule which the memory needs is told so; one that goes to its limit is not."""
+    bench = Bench(dut)
+    await bench.start()
+    bench.monitor.broken_master = rule != "none"
+    channels = WriteChannels(bench)
+    start, lanes = -(-max(bench.writable, key=len).start // 4096) * 4096, bench.lanes
+    if rule == "none":
+        channels.send(start + 4096 - 2 * lanes, beats=2)
+    elif rule == "boundary":
+        channels.send(start + 4096 - lanes, beats=2)
+    elif rule == "strobe":
+        channels.send(start + 1, size=0, strobes=4)
+    else:
+        channels.send(start, beats=3, last=1 if rule == "early last" else 7)
+    await ClockCycles(dut.clk, 20)
+    await FallingEdge(dut.clk)
+    assert int(dut.violation.value) == (rule != "none")
     await bench.reset()
     assert int(dut.violation.value) == 0

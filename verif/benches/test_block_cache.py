@@ -13,6 +13,7 @@ from typing import Any
 import cocotb
 from cocotb.triggers import ClockCycles, RisingEdge
 
+from lightloom.golden_model.contract.axi_rules import RULE_PORTS, rule_of
 from lightloom.verif.drivers.stream import Exchange, StreamDriver, pattern
 
 BLOCK_BYTES, BLOCK_BITS = 64, 512
@@ -100,10 +101,11 @@ class Bench:
         `prefetches`: blocks were read that nobody had asked for.
         """
         await ClockCycles(self.dut.clk, 3)
-        names = ("hits", "misses", "merges", "stalls", "evictions", "read_bursts", "violation")
+        names = ("hits", "misses", "merges", "stalls", "evictions", "read_bursts", "violation", *RULE_PORTS)
         seen = {name: int(getattr(self.dut, name).value) for name in names}
         cocotb.log.info("%s", seen)
         assert not seen["violation"]
+        assert not any(seen[name] for name in RULE_PORTS), [rule_of(seen[name]) for name in RULE_PORTS]
         assert seen["hits"] + seen["misses"] + seen["merges"] == requests
         assert prefetches or seen["misses"] == seen["read_bursts"]
         assert seen["evictions"] <= seen["read_bursts"]
