@@ -154,7 +154,7 @@ async def unusable_headers(dut: Any) -> None:
         await bench.check(rays, name)
         assert bench.memory.bursts == bursts, "the memory was read for rays without a tree"
     for called, response in (("SLVERR", SLVERR), ("DECERR", DECERR)):
-        await bench.check_sound(tree, f"before response {response}")
+        await bench.check_sound(tree, f"before {called}")
         bench.memory.fails(BASES[0], response)
         await bench.load(tree.blocks, error="memory")
         await bench.check(none, f"response {response} for the header")
