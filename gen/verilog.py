@@ -144,7 +144,7 @@ def _core_rtlil(fragment: Fragment, name: str, core: Core) -> str:
 
 def _controls(core: Core) -> Iterator[tuple[str, Value]]:
     yield "en", core.en
-    if core.initiation_interval == 2:
+    if core.initiation_interval > 1:
         yield "phase", core.phase
 
 

@@ -26,8 +26,7 @@ class FreeCore(Core):
     """Stands for any core of its unit and latency: results are free, and move only with `en`."""
 
     def __init__(self, core: Core):
-        self.initiation_interval = core.initiation_interval
-        super().__init__(core.unit.name, core.latency)
+        super().__init__(core.unit.name, core.latency, interval=core.initiation_interval)
         self.free = Signal(len(Value.cast(self.o)))
 
     def elaborate(self, platform: object) -> Module:

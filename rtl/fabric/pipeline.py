@@ -8,34 +8,40 @@ and carries a tag with each operation.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from amaranth import Const, Module, Signal, Value
+from amaranth import Cat, Const, Module, Signal, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from lightloom.golden_model.contract.interfaces import UNITS
 from lightloom.rtl.fabric.float_format import FLOAT32, FloatFormat
 from lightloom.rtl.fabric.layouts import layout_of, packet_of
+from lightloom.rtl.fabric.one_hot import any_of
 
 Step = Callable[..., Mapping[str, Any]]
 
+INTERVALS = range(1, 33)
+"""Cycles from one operation of a core to the next."""
+
 
 class Core(wiring.Component):
-    """A pipelined datapath of fixed latency that accepts one operation a cycle, or one every other cycle.
+    """A pipelined datapath of fixed latency that accepts an operation every `interval` cycles, 1 to 32.
 
     Ports: `en` (all registers advance), `i` (operands), `o` (results, `latency` enabled cycles later). Data has no
-    reset: validity is kept by whoever uses the core. With an `initiation_interval` of 2 also `phase`, which changes
-    with every enabled cycle: operands are taken while it is high. Floating-point fields have the width of `format`.
+    reset: validity is kept by whoever uses the core. With an interval of more than 1 also `phase`, which goes round
+    with the enabled cycles: bit k is high in turn k, and none in the last turn. Operands are taken in turn 0, and as
+    long as operations are under way, turns follow each other. Floating-point fields have the width of `format`.
     """
 
-    initiation_interval = 1
-
-    def __init__(self, unit: str, latency: int, format: FloatFormat = FLOAT32):
+    def __init__(self, unit: str, latency: int, format: FloatFormat = FLOAT32, *, interval: int = 1):
+        if interval not in INTERVALS:
+            raise ValueError(f"{unit}: interval must be 1 to {INTERVALS[-1]}, not {interval}")
         self.unit = UNITS[unit]
         self.latency = latency
         self.format = format
+        self.initiation_interval = interval
         i, o = (layout_of(dtype, format.width) for dtype in (self.unit.input, self.unit.output))
         ports = {"en": In(1), "i": In(i), "o": Out(o)}
-        super().__init__(ports | ({"phase": In(1)} if self.initiation_interval == 2 else {}))
+        super().__init__(ports | ({"phase": In(interval - 1)} if interval > 1 else {}))
 
 
 class StepCore(Core):
@@ -158,11 +164,11 @@ class StreamUnit(wiring.Component):
         if self.initiation_interval == 1:
             m.d.comb += taking.eq(advance)
         else:
-            phase = Signal(init=1)
-            valid = valid & phase
-            m.d.comb += [core.phase.eq(phase), taking.eq(advance & phase)]
+            phase = Signal(self.initiation_interval - 1, init=1)
+            valid = valid & phase[0]
+            m.d.comb += [core.phase.eq(phase), taking.eq(advance & phase[0])]
             with m.If(advance):
-                m.d.sync += phase.eq(~phase)
+                m.d.sync += phase.eq(Cat(~any_of(phase), phase[:-1]))
         tag: Value = self.i.payload.tag
         m.d.comb += [
             core.en.eq(advance),

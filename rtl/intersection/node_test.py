@@ -9,7 +9,8 @@ from amaranth import Cat, Const, Mux, Value
 from lightloom.golden_model.contract.formats import WIDTH
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.dataflow import Dataflow, DataflowCore, Node
-from lightloom.rtl.intersection.box_axis import TRUE, Steps, distances, pick
+from lightloom.rtl.fabric.one_hot import pick
+from lightloom.rtl.intersection.box_axis import TRUE, Steps, distances
 
 
 class NodeTest(DataflowCore):

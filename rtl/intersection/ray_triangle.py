@@ -95,7 +95,9 @@ class RayTriangleHalf(RayTriangle):
     """One ray-triangle test every other cycle: 6 multipliers, 2 exact edge functions, 1 reciprocal."""
 
     unit_name = "ray_triangle_half"
-    initiation_interval = 2
+
+    def __init__(self, config: Config):
+        super().__init__(config, interval=2)
 
     def scaled(self, f: FloatFlow, name: str, depth: Node, sz: Node) -> Node:
         """The three edge functions leave a turn free, in which depth * sz - 0 * 0 saves a multiplier."""
