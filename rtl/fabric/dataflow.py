@@ -11,7 +11,7 @@ from amaranth.lib import data
 
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.one_hot import any_of, pick
-from lightloom.rtl.fabric.pipeline import Core, named, register
+from lightloom.rtl.fabric.pipeline import Core, in_turn, named, register, turns_of
 from lightloom.rtl.fabric.schedule import Kind, Schedule
 
 
@@ -54,7 +54,7 @@ class Dataflow:
     def __init__(self, m: Module, en: Value, phase: Value | None = None, schedule: Schedule | None = None):
         self._m = m
         self._en = en
-        self._turns = [] if phase is None else [*phase, ~any_of(phase)]
+        self._turns = turns_of(Signal(0) if phase is None else phase)
         self._schedule = schedule or Schedule(1)
         self._placed: dict[tuple[Kind, int], Placed] = {}
 
@@ -71,15 +71,12 @@ class Dataflow:
         """The node's value at a later time, through registers."""
         assert time >= node.ready, f"{node.name} is not known before cycle {node.ready}"
         registers = -(-(time - node.time) // self.interval)
+        load = in_turn(self._turns, node.time, self._en)
         while len(node.delayed) < registers:
             previous = node.delayed[-1] if node.delayed else node.value
             name = f"{node.name}_d{len(node.delayed) + 1}"
-            node.delayed.append(register(self._m, self._load(node.time), previous, name))
+            node.delayed.append(register(self._m, load, previous, name))
         return node.delayed[registers - 1] if registers else node.value
-
-    def _load(self, time: int) -> Value:
-        """The enable of registers that load in this cycle of an operation."""
-        return self._en & self._turn(time) if self._turns else self._en
 
     def _turn(self, time: int) -> Value:
         """Whether this is cycle `time` of an operation, or one any number of intervals from it."""
@@ -121,7 +118,7 @@ class Dataflow:
         given = self.at(Node(state.value, state.time, state.name), time)
         for k in range(0, count, self.interval):
             times = range(time + 1, time + 1 + min(self.interval, count - k))
-            operands = [self._chosen((at, self.at(node, at)) for at in reversed(times)) for node in others]
+            operands = [self._chosen((at, self.at(node, at)) for at in times) for node in others]
             growth = at_once * (len(Value.cast(function(given, *operands))) - len(given))
             held = Signal(len(given) + (len(times) - 1) * growth, name=f"{name}{k}_held", reset_less=True)
             result = self._applied(f"{name}{k}", function, held, *operands, at_once=at_once)
@@ -146,10 +143,18 @@ class Dataflow:
             state = named(self._m, function(state, *others), f"{name}_part{k}")
         return function(state, *others)
 
-    def apply(self, name: str, core: Core, **operands: Node | int) -> dict[str, Node]:
-        """The results, by field name, of an operation that a core like `core` does; an operand may be a constant."""
+    def apply(self, name: str, core: Core, *, stand_in: Core | None = None, **operands: Node | int) -> dict[str, Node]:
+        """The results, by field name, of an operation that a core like `core` does; an operand may be a constant.
+
+        `stand_in` is a larger core that gives the same results if the operands that only it has are 0. Where cores like
+        it have turns to spare, and a core less is needed if they are used, it does the operation.
+        """
+        assert core.initiation_interval == 1, f"{core.unit.name} does not take an operation in every cycle"
         ready = max(node.ready for node in operands.values() if isinstance(node, Node))
-        place = self._schedule.place((type(core), core.latency), ready)
+        place = self._schedule.place(_kind(core), ready, stand_in and _kind(stand_in))
+        if place.kind != _kind(core):
+            assert stand_in is not None
+            core, operands = stand_in, dict.fromkeys(stand_in.unit.input.names or (), 0) | operands
         placed = self._placed.setdefault((place.kind, place.number), Placed(core))
         placed.operations[place.time] = (name, operands)
         chosen = self._schedule.shares(place.kind)
@@ -169,21 +174,22 @@ class Dataflow:
 
     def _instantiate(self, placed: Placed, chosen: bool = False) -> None:
         """A core as a submodule with the names of its operations, its operands `chosen` in the cycle before."""
-        core, operations = placed.core, sorted(placed.operations.items(), key=lambda one: one[0] % self.interval)
-        together = _together([name for name, _ in placed.operations.values()])
+        core, operations = placed.core, placed.operations
+        together = _together([name for name, _ in operations.values()])
         self._m.submodules[together] = core
         self._m.d.comb += core.en.eq(self._en)
         for field_name in core.unit.input.names or ():
-            values = [(time, self._operand(of[field_name], time)) for time, (_, of) in operations]
-            value = self._chosen(values)
-            if len(values) == 2 and not isinstance(value, int):
-                value = Mux(self._turn(values[0][0]), values[0][1], values[1][1])
+            value = self._chosen((time, self._operand(of[field_name], time)) for time, (_, of) in operations.items())
             if chosen and not isinstance(value, int):
                 value = register(self._m, self._en, value, f"{together}_{field_name}")
             self._m.d.comb += core.i[field_name].eq(value)
 
     def _operand(self, operand: Node | int, time: int) -> Any:
         return self.at(operand, time) if isinstance(operand, Node) else operand
+
+
+def _kind(core: Core) -> Kind:
+    return type(core), core.latency
 
 
 def _together(names: list[str]) -> str:
@@ -207,7 +213,7 @@ class DataflowCore(Core):
         phase, schedule = (self.phase if interval > 1 else None), Schedule(interval)
         if interval > 1:  # counts the operations
             self._drawn(Dataflow(Module(), self.en, phase, schedule), config)
-            schedule = Schedule(interval, schedule.operations)
+            schedule = Schedule(interval, schedule)
         flow = Dataflow(self._graph, self.en, phase, schedule)
 
         results = self._drawn(flow, config)

@@ -130,6 +130,16 @@ def named(m: Module, value: Any, name: str) -> Value:
     return wire
 
 
+def turns_of(phase: Value) -> list[Value]:
+    """Of each turn, whether it is this one: `phase` has a bit for each but the last."""
+    return [*phase, ~any_of(phase)] if len(phase) else [Const(1)]
+
+
+def in_turn(turns: Sequence[Value], time: int, value: Value) -> Value:
+    """`value` in the turn that `time` falls into, 0 in the others."""
+    return value & turns[time % len(turns)] if len(turns) > 1 else value
+
+
 class StreamUnit(wiring.Component):
     """A core between two streams, with a tag that travels with each operation; results keep the operands' order.
 

@@ -87,6 +87,20 @@ def test_every_depth_up_to_the_number_of_steps(name: str) -> None:
         gc.collect()
 
 
+def test_a_difference_of_products_may_stand_in_for_a_product() -> None:
+    """a*b - 0*0 is a*b in all bits, for zeros of either sign and for what underflows too: see FloatFlow.multiply."""
+    operands = np.concatenate([corner_vectors("float_multiply"), random_vectors("float_multiply", RANDOM, SEED)])
+    wider = np.zeros(len(operands), dtype=OPERATORS["float_difference_of_products"].input)
+    for name in ("a", "b"):
+        wider[name] = operands[name]
+    results = {
+        "product": MODELS["float_multiply"](operands),
+        "difference": MODELS["float_difference_of_products"](wider),
+    }
+    report = differences(operands, f"corner_vectors + random_vectors('float_multiply', {RANDOM}, {SEED})", results)
+    assert not report, report
+
+
 def test_a_wrong_bit_is_found() -> None:
     """The comparison itself: Verilog that overlooks a bit must not pass."""
     good = verilog_of("float_compare", PRESETS["tiny"])
