@@ -28,16 +28,16 @@ class BulkUnit:
     """A Verilated unit that takes operand arrays.
 
     Parameters: `unit`, a name of `golden_model.contract.interfaces.UNITS`; `config`, the hardware parameters;
-    `verilog`, a text other than the emitted one; `netlist`, it is gates, of which a compiler has too many to optimise
-    for a run of thousands. Builds the simulator, or finds it in the cache. Raises InputError for an unknown unit or a
-    missing tool.
+    `verilog`, a text other than the emitted one, of any initiation interval if it is not `optimised`: then the
+    simulator is compiled in a fraction of the time, which is enough for a run of thousands. Builds the simulator, or
+    finds it in the cache. Raises InputError for an unknown unit or a missing tool.
 
     Attributes after `run`: `throughput` (vectors/s of the simulation, on one core, without packing), `cycles` (clock
     cycles of the last run), `latency` (cycles from the first operand to its result; exact where nothing stalled).
     """
 
     def __init__(
-        self, unit: str, config: Config = PRESETS["base"], *, verilog: str | None = None, netlist: bool = False
+        self, unit: str, config: Config = PRESETS["base"], *, verilog: str | None = None, optimised: bool = True
     ):
         if unit not in UNITS:
             raise InputError(f"{unit}: no such unit; known are {', '.join(sorted(UNITS))}")
@@ -46,9 +46,9 @@ class BulkUnit:
         self.verilog = emitted(unit, config) if verilog is None else verilog
         """The text that is simulated; tests pass a deliberately broken one."""
         self._binaries: dict[bool, Path] = {}
-        # A unit that does not take an operation every cycle stalls its input by itself; a netlist is built once.
-        self._stalling = netlist or manifest(unit, config)["initiation_interval"] > 1
-        self._netlist = netlist
+        # A unit that does not take an operation every cycle stalls its input by itself; who is in a hurry builds once.
+        self._stalling = not optimised or manifest(unit, config)["initiation_interval"] > 1
+        self._optimised = optimised
         self._binary(stalls=self._stalling)
         self.throughput = 0.0
         self.cycles = 0
@@ -109,5 +109,5 @@ class BulkUnit:
             *(["STALLS"] if stalls else []),
         ]
         return verilated.build(
-            self.unit.name, self.verilog, top=TOP, harness=HARNESS, defines=defines, optimised=not self._netlist
+            self.unit.name, self.verilog, top=TOP, harness=HARNESS, defines=defines, optimised=self._optimised
         )

@@ -1,6 +1,10 @@
 # amaranth: UnusedElaboratable=no
 # (a unit is also made only to ask for its latency)
-"""Composes cores into a larger pipelined datapath, with the delays that line operands up put in automatically."""
+"""Composes cores into a larger pipelined datapath, with the delays that line operands up put in automatically.
+
+docs/fabric.md tells how one graph becomes a datapath that takes operands in every cycle, or one that takes them every
+so many cycles with a fraction of the cores.
+"""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field

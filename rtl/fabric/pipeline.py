@@ -8,7 +8,7 @@ and carries a tag with each operation.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from amaranth import Cat, Const, Module, Signal, Value
+from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -143,8 +143,12 @@ def in_turn(turns: Sequence[Value], time: int, value: Value) -> Value:
 class StreamUnit(wiring.Component):
     """A core between two streams, with a tag that travels with each operation; results keep the operands' order.
 
-    The whole pipeline stops while a result waits at the output and `o.ready` is low, and moves otherwise. Latency and
-    initiation interval are the core's. `i.ready` depends combinationally on `o.ready`, never on `i.valid`.
+    The whole pipeline stops while a result waits at the output and `o.ready` is low, and moves otherwise. The latency
+    is the core's. `i.ready` depends combinationally on `o.ready`, never on `i.valid`.
+
+    With an interval of N cycles, an operation is taken at once where nothing is under way: `i.ready` stays high in an
+    empty unit, and nothing goes round in it. Else it is taken N moves of the pipeline after the last one, or 2N, 3N, …:
+    all that are under way have to keep out of each other's turns. So `i.ready` is high in every N-th move.
     """
 
     def __init__(self, core: Core, tag_width: int):
@@ -163,40 +167,51 @@ class StreamUnit(wiring.Component):
 
     @property
     def initiation_interval(self) -> int:
-        return self.core.initiation_interval
+        """The core's; less where an operation has left before: the next one then finds the unit empty."""
+        return min(self.core.initiation_interval, max(self.latency, 1) + 1)
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
         m.submodules.core = core = self.core
+        interval, latency = core.initiation_interval, self.latency
         advance = Signal()
         taking = Signal()
+        phase = Signal(interval - 1, init=interval > 1)
+        turns = turns_of(phase)
+        m.d.comb += taking.eq(in_turn(turns, 0, advance))
+        # From one turn 0 to the next an operation stays in one stage, and its tag too. In its own turn it goes from the
+        # last stage to the output, where it is for one move.
         valid: Value = self.i.valid
-        if self.initiation_interval == 1:
-            m.d.comb += taking.eq(advance)
-        else:
-            phase = Signal(self.initiation_interval - 1, init=1)
-            valid = valid & phase[0]
-            m.d.comb += [core.phase.eq(phase), taking.eq(advance & phase[0])]
-            with m.If(advance):
-                m.d.sync += phase.eq(Cat(~any_of(phase), phase[:-1]))
         tag: Value = self.i.payload.tag
         m.d.comb += [
             core.en.eq(advance),
             core.i.eq(self.i.payload.data),
             self.o.payload.data.eq(core.o),
         ]
-        for stage in range(self.latency):
-            held = Signal(name=f"valid{stage}")
-            with m.If(advance):
+        stages = [Signal(name=f"valid{stage}") for stage in range(-(-(latency - 1) // interval))]
+        if interval > 1 and stages:
+            with m.If(in_turn(turns, latency - 1, advance)):
+                m.d.sync += stages[-1].eq(0)
+        for held in stages:
+            with m.If(taking):
                 m.d.sync += held.eq(valid)
             valid = held
-        # From one operation to the next a tag may stay where it is.
-        for stage in range(-(-self.latency // self.initiation_interval)):
+        if latency:
+            offered = Signal(name=f"valid{len(stages)}")
+            with m.If(advance):
+                m.d.sync += offered.eq(in_turn(turns, latency - 1, valid))
+            valid = offered
+        for stage in range(-(-latency // interval)):
             tag = register(m, taking, tag, f"tag{stage}")
+        if interval > 1:
+            under_way = any_of([in_turn(turns, 0, self.i.valid), *stages])
+            m.d.comb += core.phase.eq(phase)
+            with m.If(advance):
+                m.d.sync += phase.eq(Mux(under_way, Cat(turns[-1], phase[:-1]), 1))
         m.d.comb += [
             self.o.valid.eq(valid),
             self.o.payload.tag.eq(tag),
-            advance.eq(~valid | self.o.ready if self.latency else self.o.ready),
+            advance.eq(~valid | self.o.ready if latency else self.o.ready),
             self.i.ready.eq(taking),
         ]
         return m
