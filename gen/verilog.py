@@ -102,14 +102,14 @@ def ports_of(component: wiring.Component) -> Iterator[tuple[str, wiring.Member, 
 def _share(fragment: Fragment, top: str, shared: dict[str, tuple[Shared, Fragment]]) -> None:
     """Replaces what is there several times below `fragment` by instances of one module.
 
-    These are the cores of one function and latency, and the units that a unit is made of. Otherwise Amaranth writes a
-    module for each of the 40 operators in a ray-triangle unit, which takes most of the time and makes the text five
-    times as long. Fills `shared`: module name to a component and its logic.
+    These are the cores of one function, latency and interval, and the units that a unit is made of. Otherwise Amaranth
+    writes a module for each of the 40 operators in a ray-triangle unit, which takes most of the time and makes the text
+    five times as long. Fills `shared`: module name to a component and its logic.
     """
     for index, (part, instance_name, location) in enumerate(fragment.subfragments):
         one = part.origins[0] if part.origins else None
         if isinstance(one, Core):
-            module = f"{top}_core" if one.unit.name == top else f"{top}_{one.unit.name}_depth{one.latency}"
+            module = f"{top}_core" if one.unit.name == top else f"{top}_{_named(one)}"
             ports = {f"i_{name}": value for name, value in _controls(one)}
             ports |= {f"i_i_{name}": value for name, value in _fields(one.i)}
             ports |= {f"o_o_{name}": value for name, value in _fields(one.o)}
@@ -126,6 +126,12 @@ def _share(fragment: Fragment, top: str, shared: dict[str, tuple[Shared, Fragmen
             shared[module] = (one, part)
         assert type(shared[module][0]) is type(one), f"{module} would stand for two different components"
         fragment.subfragments[index] = (Instance(module, i_clk=ClockSignal(), **ports), instance_name, location)
+
+
+def _named(core: Core) -> str:
+    """What a core does, and how many cycles it takes."""
+    interval = core.initiation_interval
+    return f"{core.unit.name}_depth{core.latency}" + (f"_interval{interval}" if interval > 1 else "")
 
 
 def _component_rtlil(fragment: Fragment, name: str, component: wiring.Component) -> str:
@@ -147,7 +153,7 @@ def _core_rtlil(fragment: Fragment, name: str, core: Core) -> str:
 
 def _controls(core: Core) -> Iterator[tuple[str, Value]]:
     yield "en", core.en
-    if core.initiation_interval == 2:
+    if core.initiation_interval > 1:
         yield "phase", core.phase
 
 

@@ -28,16 +28,16 @@ class BulkUnit:
     """A Verilated unit that takes operand arrays.
 
     Parameters: `unit`, a name of `golden_model.contract.interfaces.PURE` or, with its `verilog`, a unit of one's own;
-    `config`, the hardware parameters; `verilog`, a text other than the emitted one; `netlist`, it is gates, of which a
-    compiler has too many to optimise for a run of thousands. Builds the simulator, or finds it in the cache. Raises
-    InputError for an unknown unit or a missing tool.
+    `config`, the hardware parameters; `verilog`, a text other than the emitted one, of any initiation interval if it is
+    not `optimised`: then the simulator is compiled in a fraction of the time, which is enough for a run of thousands.
+    Builds the simulator, or finds it in the cache. Raises InputError for an unknown unit or a missing tool.
 
     Attributes after `run`: `throughput` (vectors/s of the simulation, on one core, without packing), `cycles` (clock
     cycles of the last run), `latency` (cycles from the first operand to its result; exact where nothing stalled).
     """
 
     def __init__(
-        self, unit: str | Unit, config: Config = PRESETS["base"], *, verilog: str | None = None, netlist: bool = False
+        self, unit: str | Unit, config: Config = PRESETS["base"], *, verilog: str | None = None, optimised: bool = True
     ):
         if isinstance(unit, str) and unit not in PURE:
             raise InputError(f"{unit}: no such unit; known are {', '.join(sorted(PURE))}")
@@ -47,10 +47,10 @@ class BulkUnit:
         """The text that is simulated; tests pass a deliberately broken one."""
         self._binaries: dict[bool, Path] = {}
         # A unit that does not take an operation every cycle stalls its input by itself, and one that is not in the
-        # catalogue may; a netlist is built once.
+        # catalogue may; who is in a hurry builds once.
         known = isinstance(unit, str)
-        self._stalling = netlist or not known or manifest(self.unit.name, config)["initiation_interval"] > 1
-        self._netlist = netlist
+        self._stalling = not (optimised and known) or manifest(self.unit.name, config)["initiation_interval"] > 1
+        self._optimised = optimised
         self._binary(stalls=self._stalling)
         self.throughput = 0.0
         self.cycles = 0
@@ -111,5 +111,5 @@ class BulkUnit:
             *(["STALLS"] if stalls else []),
         ]
         return verilated.build(
-            self.unit.name, self.verilog, top=TOP, harness=HARNESS, defines=defines, optimised=not self._netlist
+            self.unit.name, self.verilog, top=TOP, harness=HARNESS, defines=defines, optimised=self._optimised
         )

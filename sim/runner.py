@@ -163,19 +163,20 @@ def run_bench(
     waves: bool = False,
     coverage: bool = False,
     verilog: str | None = None,
+    timing: Mapping[str, int] | None = None,
 ) -> int:
     """Runs the bench of a unit with a stream in and a stream out; returns the number of tests that passed.
 
     `operands` (N,) of the unit's input dtype are what the bench sends; `seed` decides the stalls. `folder` (default a
     new one under build/benches) gets operands, log and, where `waves`, dump.vcd (Verilator) or <unit>.fst (Icarus).
-    `coverage` is that of `run_cocotb`, `verilog` replaces the emitted text. Raises BenchError where a test fails or
-    none was run, InputError where a tool is missing.
+    `coverage` is that of `run_cocotb`, `verilog` replaces the emitted text, and `timing` the manifest's `latency` and
+    `initiation_interval`. Raises BenchError where a test fails or none was run, InputError where a tool is missing.
     """
     text = emitted(unit, config) if verilog is None else verilog
     folder = _run_folder(unit, simulator, folder)
     assert operands.dtype == PURE[unit].input
     np.save(folder / "operands.npy", bitpack.pack(operands))
-    described = manifest(unit, config)
+    described = manifest(unit, config) if timing is None else timing
     description = {
         "unit": unit,
         "operands": str(folder / "operands.npy"),

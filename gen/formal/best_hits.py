@@ -8,6 +8,7 @@ from amaranth.lib import wiring
 from lightloom.gen.formal.bench import Bench
 from lightloom.gen.formal.properties import Bounded, Induction, Property
 from lightloom.golden_model.contract.formats import HIT, TIME_BITS
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.layouts import layout_of
 from lightloom.rtl.fabric.pipeline import Core
@@ -20,7 +21,7 @@ class MixedCore(Core):
     """Stands for the unit that computes distances: what matters is which t and which ray it is given."""
 
     def __init__(self) -> None:
-        super().__init__("ray_time", 0)
+        super().__init__(PURE["ray_time"], 0)
 
     def elaborate(self, platform: object) -> Module:
         m = Module()

@@ -63,7 +63,7 @@ def properties() -> list[Property]:
         depth = len(make.steps(SMALL))
         out.append(
             Property(
-                unit=make.unit_name,
+                unit=make.declared.name,
                 name="cuts",
                 says="a register after every step gives the same results, that many enabled cycles later",
                 method=Bounded(depth=depth + STALLS),

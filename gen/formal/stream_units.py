@@ -8,7 +8,7 @@ latency whose results are free. That makes the proofs of the largest units as sm
 
 from functools import partial
 
-from amaranth import Array, Cat, Module, Signal, Value
+from amaranth import Array, Cat, Const, Module, Mux, Signal, Value
 
 from lightloom.gen.formal.bench import Bench
 from lightloom.gen.formal.properties import Induction, Property
@@ -16,18 +16,17 @@ from lightloom.gen.formal.streams import held
 from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.catalogue import stream_unit
 from lightloom.rtl.config import PRESETS, Config
-from lightloom.rtl.fabric.pipeline import Core, register
+from lightloom.rtl.fabric.pipeline import Core, StreamUnit, register, turns_of
 
 LONGEST = 80
 """Cycles in which an operation goes through any of the units: more than their latencies."""
 
 
 class FreeCore(Core):
-    """Stands for any core of its unit and latency: results are free, and move only with `en`."""
+    """Stands for any core of its unit, latency and interval: results are free, and move only with `en`."""
 
-    def __init__(self, core: Core):
-        self.initiation_interval = core.initiation_interval
-        super().__init__(core.unit.name, core.latency)
+    def __init__(self, unit: str, latency: int, interval: int):
+        super().__init__(PURE[unit], latency, interval=interval)
         self.free = Signal(len(Value.cast(self.o)))
 
     def elaborate(self, platform: object) -> Module:
@@ -36,39 +35,43 @@ class FreeCore(Core):
         return m
 
 
-def handshake(unit: str, config: Config) -> Bench:
-    """The bench of one unit: the stream wrapper as it is, around a free core."""
+def of_unit(unit: str, config: Config) -> Bench:
+    """The bench of a unit of the catalogue."""
     component = stream_unit(unit, config)
-    assert component.latency > 0
-    component.core = free = FreeCore(component.core)
-    latency, interval = component.latency, component.initiation_interval
+    return handshake(unit, component.latency, component.core.initiation_interval, component.tag_width)
+
+
+def handshake(unit: str, latency: int, interval: int, tag_width: int) -> Bench:
+    """The stream wrapper as it is, around a free core."""
+    assert latency > 0
+    free = FreeCore(unit, latency, interval)
+    component = StreamUnit(free, tag_width)
     bench = Bench(component)
     m, i, o = bench.m, component.i, component.o
     m.d.comb += free.free.eq(bench.any("result", len(free.free)))
     held(bench, "o", o.valid, o.ready, o.payload)
     advance = o.ready | ~o.valid
-    if interval == 1:
-        bench.require("ready_without_valid", i.ready == advance)
-        takes = advance
-    else:
-        phase = free.phase
-        bench.require("ready_without_valid", i.ready == (advance & phase))
-        bench.require("ready_again", ~bench.past(advance & ~phase, "between") | phase)
-        takes = advance & phase
+    enters = i.valid & i.ready
 
     # What is offered is what went in `latency` moves ago, if something did: one out for one in, in the order of entry.
     history = Signal(latency)
     with m.If(advance):
-        m.d.sync += history.eq(Cat(i.valid & takes, history))
+        m.d.sync += history.eq(Cat(enters, history))
     bench.require("out_as_in", o.valid == history[-1])
+
+    # An operation is taken when nothing is under way, and whole intervals after the last one.
+    moves = Signal(range(interval), name="moves_since")  # modulo the interval
+    with m.If(advance):
+        m.d.sync += moves.eq(Mux(enters, 1 % interval, Mux(moves == interval - 1, 0, moves + 1)))
+    bench.require("ready_without_valid", i.ready == (advance & (~history.any() | (moves == 0))))
 
     # One transfer, any one, with its tag: how many moves ago it went in.
     picks = Signal()
     follows = Signal()
     place = Signal(range(latency + 1), name="place")
-    tag = Signal(component.tag_width, name="tag", reset_less=True)
+    tag = Signal(tag_width, name="tag", reset_less=True)
     released = Signal(range(latency + 1), name="released")  # cycles since then in which the output was free
-    m.d.comb += picks.eq(bench.any("pick") & i.valid & i.ready & ~follows)
+    m.d.comb += picks.eq(bench.any("pick") & enters & ~follows)
     with m.If(picks):
         m.d.sync += [follows.eq(1), place.eq(0), released.eq(0), tag.eq(i.payload.tag)]
     with m.Elif(follows):
@@ -80,33 +83,53 @@ def handshake(unit: str, config: Config) -> Bench:
     bench.require("drains", ~follows | (released < latency))
     bench.reach("followed_one_leaves", leaves & o.ready)
 
-    # The induction's invariant: the stages are the history, and the followed one is where it should be.
-    valids = [bench.inner(f"valid{stage}") for stage in range(latency)]
+    # The induction's invariant: stages, tags and turns are as the history says, and the followed one is where it
+    # should be.
+    stages = -(-(latency - 1) // interval)
+    for stage in range(stages):
+        inside = history[stage * interval : min((stage + 1) * interval, latency - 1)]
+        bench.require(f"stage{stage}_is_history", bench.inner(f"valid{stage}") == inside.any())
+    bench.require("output_is_history", bench.inner(f"valid{stages}") == history[-1])
     tags = [bench.inner(f"tag{stage}") for stage in range(-(-latency // interval))]
-    bench.require("stages_are_history", Cat(valids) == history)
     bench.require("place_in_range", ~follows | (place < latency))
-    bench.require("stage_is_valid", ~follows | history.bit_select(place, 1))
+    bench.require("place_is_history", ~follows | history.bit_select(place, 1))
     bench.require("stage_has_tag", ~follows | (Array(tags)[place // interval] == tag))
     bench.require("moved", ~follows | (released <= place))
-    if interval == 2:  # operations are in every other stage
-        bench.require("follows_phase", ~follows | (place[0] == phase))
-        for stage, valid in enumerate(valids):
-            bench.require(f"phase{stage}", ~valid | (phase == stage % 2))
+    if interval > 1:
+        turns = Cat(turns_of(free.phase))
+        bench.require("in_turn", turns == Mux(history.any(), Const(1, interval) << moves, 1))
+        for age in range(1, latency + 1):
+            bench.require(f"age{age}", ~history[age - 1] | (moves == age % interval))
     return bench
 
 
+WRAPPED = [(1, 2), (2, 2), (5, 8), (8, 8), (9, 8), (9, 3), (20, 32), (54, 8), (58, 32)]
+"""Latencies and intervals of which no unit is: below, at and above whole intervals; of ray_triangle's graph."""
+
+
 def properties() -> list[Property]:
-    """One for each unit and preset."""
+    """One for each unit and preset, and some for the wrapper alone."""
+    quick = {("float_add", "stream-full"), ("node_test", "stream-base"), ("stream_unit", "latency9-interval3")}
+    benches = {
+        (unit, f"stream-{preset}"): partial(of_unit, unit, config)
+        for unit in PURE
+        for preset, config in PRESETS.items()
+    }
+    benches |= {
+        ("stream_unit", f"latency{latency}-interval{interval}"): partial(
+            handshake, "float_compare", latency, interval, 4
+        )
+        for latency, interval in WRAPPED
+    }
     return [
         Property(
             unit=unit,
-            name=f"stream-{preset}",
+            name=name,
             says="payload holds; no tag lost, made up, doubled or overtaken; empty after reset; drains",
             method=Induction(depth=1),
-            build=partial(handshake, unit, config),
+            build=build,
             reach=LONGEST,
-            quick=(unit, preset) in {("float_add", "full"), ("node_test", "base")},
+            quick=(unit, name) in quick,
         )
-        for unit in PURE
-        for preset, config in PRESETS.items()
+        for (unit, name), build in benches.items()
     ]

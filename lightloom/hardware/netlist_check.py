@@ -33,7 +33,7 @@ def check(measured: Measured, source: Source, count: int, seed: int) -> Check:
     text = _text(measured, source)
     operands = many_vectors(unit.name, count, seed)
     config = PRESETS[measured.preset]
-    results = BulkUnit(unit.name, config, verilog=text, netlist=True).run(operands, stall_seed=seed + 1)
+    results = BulkUnit(unit.name, config, verilog=text, optimised=False).run(operands, stall_seed=seed + 1)
     return compare(operands, results, model_results(unit.name, operands, config.flat()))
 
 

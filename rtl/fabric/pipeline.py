@@ -8,54 +8,60 @@ and carries a tag with each operation.
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from amaranth import Const, Module, Signal, Value
+from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import wiring
 from amaranth.lib.wiring import In, Out
 
-from lightloom.golden_model.contract.interfaces import PURE
+from lightloom.golden_model.contract.interfaces import Unit
 from lightloom.rtl.fabric.float_format import FLOAT32, FloatFormat
 from lightloom.rtl.fabric.layouts import layout_of
+from lightloom.rtl.fabric.one_hot import any_of
 from lightloom.rtl.fabric.unit import UnitComponent
 
 Step = Callable[..., Mapping[str, Any]]
 
+INTERVALS = range(1, 33)
+"""Cycles from one operation of a core to the next."""
+
 
 class Core(wiring.Component):
-    """A pipelined datapath of fixed latency that accepts one operation a cycle, or one every other cycle.
+    """A pipelined datapath of fixed latency that accepts an operation every `interval` cycles, 1 to 32.
 
     Ports: `en` (all registers advance), `i` (operands), `o` (results, `latency` enabled cycles later). Data has no
-    reset: validity is kept by whoever uses the core. With an `initiation_interval` of 2 also `phase`, which changes
-    with every enabled cycle: operands are taken while it is high. Floating-point fields have the width of `format`.
+    reset: validity is kept by whoever uses the core. With an interval of more than 1 also `phase`, which goes round
+    with the enabled cycles: bit k is high in turn k, and none in the last turn. Operands are taken in turn 0, and as
+    long as operations are under way, turns follow each other. Floating-point fields have the width of `format`.
     """
 
-    initiation_interval = 1
-
-    def __init__(self, unit: str, latency: int, format: FloatFormat = FLOAT32):
-        self.unit = PURE[unit]
+    def __init__(self, unit: Unit, latency: int, format: FloatFormat = FLOAT32, *, interval: int = 1):
+        self.unit = unit
+        if interval not in INTERVALS:
+            raise ValueError(f"{self.unit.name}: interval must be 1 to {INTERVALS[-1]}, not {interval}")
         self.latency = latency
         self.format = format
+        self.initiation_interval = interval
         i, o = (layout_of(dtype, format.width) for dtype in (self.unit.input, self.unit.output))
         ports = {"en": In(1), "i": In(i), "o": Out(o)}
-        super().__init__(ports | ({"phase": In(1)} if self.initiation_interval == 2 else {}))
+        super().__init__(ports | ({"phase": In(interval - 1)} if interval > 1 else {}))
 
 
 class StepCore(Core):
     """A core whose function is a chain of combinational steps with `depth` register stages spread among them.
 
-    Subclasses set `unit_name` and return the chain from `steps()`, each step with its delay in levels of gates, as
-    measured for float32. A step is called with the module, the number format and the values that the step before
-    returned, by name, and returns the values that the next one needs; the first gets the input's fields, the last
-    returns the output's. A register stage may stand after any step; they stand where the longest delay between two of
-    them is least.
+    Subclasses set `declared`, the unit that they are, and return the chain from `steps()`, each step with its delay in
+    levels of gates, as measured for float32. A step is called with the module, the number format and the values that
+    the step before returned, by name, and returns the values that the next one needs; the first gets the input's
+    fields, the last returns the output's. A register stage may stand after any step; they stand where the longest delay
+    between two of them is least.
     """
 
-    unit_name: str
+    declared: Unit
 
     def __init__(self, depth: int, format: FloatFormat = FLOAT32):
         count = len(self.steps(format))
         if not 0 <= depth <= count:
-            raise ValueError(f"{self.unit_name}: depth must be 0 to {count}, not {depth}")
-        super().__init__(self.unit_name, depth, format)
+            raise ValueError(f"{self.declared.name}: depth must be 0 to {count}, not {depth}")
+        super().__init__(self.declared, depth, format)
 
     @classmethod
     def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
@@ -125,11 +131,25 @@ def named(m: Module, value: Any, name: str) -> Value:
     return wire
 
 
+def turns_of(phase: Value) -> list[Value]:
+    """Of each turn, whether it is this one: `phase` has a bit for each but the last."""
+    return [*phase, ~any_of(phase)] if len(phase) else [Const(1)]
+
+
+def in_turn(turns: Sequence[Value], time: int, value: Value) -> Value:
+    """`value` in the turn that `time` falls into, 0 in the others."""
+    return value & turns[time % len(turns)] if len(turns) > 1 else value
+
+
 class StreamUnit(UnitComponent):
     """A core between two streams, with a tag that travels with each operation; results keep the operands' order.
 
-    The whole pipeline stops while a result waits at the output and `o.ready` is low, and moves otherwise. Latency and
-    initiation interval are the core's. `i.ready` depends combinationally on `o.ready`, never on `i.valid`.
+    The whole pipeline stops while a result waits at the output and `o.ready` is low, and moves otherwise. The latency
+    is the core's. `i.ready` depends combinationally on `o.ready`, never on `i.valid`.
+
+    With an interval of N cycles, an operation is taken at once where nothing is under way: `i.ready` stays high in an
+    empty unit, and nothing goes round in it. Else it is taken N moves of the pipeline after the last one, or 2N, 3N, …:
+    all that are under way have to keep out of each other's turns. So `i.ready` is high in every N-th move.
     """
 
     latency: int
@@ -138,41 +158,52 @@ class StreamUnit(UnitComponent):
     def __init__(self, core: Core, tag_width: int):
         self.core = core
         self.latency = core.latency
-        self.initiation_interval = core.initiation_interval
+        # Less than the core's where an operation has left before: the next one then finds the unit empty.
+        self.initiation_interval = min(core.initiation_interval, max(core.latency, 1) + 1)
         super().__init__(core.unit, tag_width, float_width=core.format.width)
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
         m.submodules.core = core = self.core
+        interval, latency = core.initiation_interval, self.latency
         advance = Signal()
         taking = Signal()
+        phase = Signal(interval - 1, init=interval > 1)
+        turns = turns_of(phase)
+        m.d.comb += taking.eq(in_turn(turns, 0, advance))
+        # From one turn 0 to the next an operation stays in one stage, and its tag too. In its own turn it goes from the
+        # last stage to the output, where it is for one move.
         valid: Value = self.i.valid
-        if self.initiation_interval == 1:
-            m.d.comb += taking.eq(advance)
-        else:
-            phase = Signal(init=1)
-            valid = valid & phase
-            m.d.comb += [core.phase.eq(phase), taking.eq(advance & phase)]
-            with m.If(advance):
-                m.d.sync += phase.eq(~phase)
         tag: Value = self.i.payload.tag
         m.d.comb += [
             core.en.eq(advance),
             core.i.eq(self.i.payload.data),
             self.o.payload.data.eq(core.o),
         ]
-        for stage in range(self.latency):
-            held = Signal(name=f"valid{stage}")
-            with m.If(advance):
+        stages = [Signal(name=f"valid{stage}") for stage in range(-(-(latency - 1) // interval))]
+        if interval > 1 and stages:
+            with m.If(in_turn(turns, latency - 1, advance)):
+                m.d.sync += stages[-1].eq(0)
+        for held in stages:
+            with m.If(taking):
                 m.d.sync += held.eq(valid)
             valid = held
-        # From one operation to the next a tag may stay where it is.
-        for stage in range(-(-self.latency // self.initiation_interval)):
+        if latency:
+            offered = Signal(name=f"valid{len(stages)}")
+            with m.If(advance):
+                m.d.sync += offered.eq(in_turn(turns, latency - 1, valid))
+            valid = offered
+        for stage in range(-(-latency // interval)):
             tag = register(m, taking, tag, f"tag{stage}")
+        if interval > 1:
+            under_way = any_of([in_turn(turns, 0, self.i.valid), *stages])
+            m.d.comb += core.phase.eq(phase)
+            with m.If(advance):
+                m.d.sync += phase.eq(Mux(under_way, Cat(turns[-1], phase[:-1]), 1))
         m.d.comb += [
             self.o.valid.eq(valid),
             self.o.payload.tag.eq(tag),
-            advance.eq(~valid | self.o.ready if self.latency else self.o.ready),
+            advance.eq(~valid | self.o.ready if latency else self.o.ready),
             self.i.ready.eq(taking),
         ]
         return m

@@ -4,10 +4,9 @@ Reads side by side with `golden_model.tracing.wide_bvh.node_test`, which explain
 narrow ones can be tried or proved completely.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial, reduce
-from operator import or_
+from functools import partial
 from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
@@ -16,6 +15,7 @@ from amaranth.lib.wiring import In, Out
 
 from lightloom.golden_model.contract.formats import BOX_FRACTION, BOX_WIDTHS, LATTICE_BITS, POSITION_BITS, BoxWidths
 from lightloom.rtl.fabric.dataflow import Dataflow, Node
+from lightloom.rtl.fabric.one_hot import pick
 from lightloom.rtl.fabric.pipeline import balanced_cuts
 from lightloom.rtl.operators.fields import add_with_carry
 from lightloom.rtl.operators.product import product_rows, sum_rows, triple
@@ -273,11 +273,6 @@ def block_way_rows(widths: AxisWidths, far: bool, way: Value, multiplier: Value)
 def _wide(value: Value, width: int) -> Value:
     """A signed value with its sign extended."""
     return Cat(value, value[-1].replicate(width - len(value)))[:width]
-
-
-def pick(chosen: Iterable[Value], values: Iterable[Value]) -> Value:
-    """The value whose bit is set, of at most one; zero for none. The shorter of the two ends the list."""
-    return reduce(or_, (Mux(bit, value, 0) for bit, value in zip(chosen, values, strict=False)))
 
 
 def scaled(widths: AxisWidths, rows: Value) -> Value:

@@ -6,6 +6,7 @@ from typing import Any
 from amaranth import Cat, Const, Mux, Value
 
 from lightloom.golden_model.contract.formats import BOX_FRACTION, LATTICE_BITS, POSITION_BITS, SCALE_BIAS, SLOPE_BITS
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.dataflow import Dataflow, DataflowCore, Node
 from lightloom.rtl.fabric.float_format import INFINITY
@@ -31,7 +32,7 @@ class BoxSetup(DataflowCore):
     `convert_depth`. Operators have a stage more than elsewhere, as far as they can: a ray is set up but once.
     """
 
-    unit_name = "box_setup"
+    declared = PURE["box_setup"]
 
     def compute(
         self,

@@ -12,10 +12,19 @@ from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.dataflow import Dataflow, Node
 from lightloom.rtl.fabric.float_format import INFINITY
 from lightloom.rtl.fabric.pipeline import balanced_cuts
-from lightloom.rtl.intersection.float_flow import exponent, is_zero
+from lightloom.rtl.intersection.float_flow import FloatFlow, exponent, is_zero
 
 DIGITS = 12
 """Of the quotient, two bits each, after its first bit: 23 bits of the significand and the guard bit."""
+
+
+def determinant_of(flow: Dataflow, config: Config, a: Node, b: Node, c: Node) -> Node:
+    """|a + b + c| of edge functions of one sign; bits from 31 on are anything."""
+    if flow.interval > 2:  # two operations more for adders that are there are less than two sums of their own
+        f = FloatFlow(flow, config.operators)
+        return f.add("determinant", f.add("edge_ab", a, b), c)
+    edge_ab = sum_of_magnitudes(flow, config, "edge_ab", a, b)
+    return sum_of_magnitudes(flow, config, "determinant", edge_ab, c, stage=False)
 
 
 def sum_of_magnitudes(flow: Dataflow, config: Config, name: str, a: Node, b: Node, *, stage: bool = True) -> Node:

@@ -29,13 +29,16 @@ class FloatFlow:
         return self._flow.apply(name, FloatAdd(self._operators.add_depth), a=a, b=b, subtract=1)["z"]
 
     def multiply(self, name: str, a: Node, b: Node) -> Node:
+        """a * b, or a*b - 0*0, which is the same number in all cases."""
         core = FloatMultiply(self._operators.multiply_depth, blocks=self._operators.multiplier_blocks)
-        return self._flow.apply(name, core, a=a, b=b)["z"]
+        return self._flow.apply(name, core, self._difference_of_products(), a=a, b=b)["z"]
 
-    def difference_of_products(self, name: str, a: Node, b: Node, c: Node | int, d: Node | int) -> Node:
+    def difference_of_products(self, name: str, a: Node, b: Node, c: Node, d: Node) -> Node:
+        return self._flow.apply(name, self._difference_of_products(), a=a, b=b, c=c, d=d)["z"]
+
+    def _difference_of_products(self) -> FloatDifferenceOfProducts:
         depth, blocks = self._operators.difference_of_products_depth, self._operators.multiplier_blocks
-        core = FloatDifferenceOfProducts(depth, blocks=blocks)
-        return self._flow.apply(name, core, a=a, b=b, c=c, d=d)["z"]
+        return FloatDifferenceOfProducts(depth, blocks=blocks)
 
     def reciprocal(self, name: str, a: Node) -> Node:
         return self._flow.apply(name, FloatDivide(self._operators.divide_depth), a=ONE, b=a)["z"]

@@ -7,9 +7,11 @@ from typing import Any
 from amaranth import Cat, Const, Mux, Value
 
 from lightloom.golden_model.contract.formats import WIDTH
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.dataflow import Dataflow, DataflowCore, Node
-from lightloom.rtl.intersection.box_axis import TRUE, Steps, distances, pick
+from lightloom.rtl.fabric.one_hot import pick
+from lightloom.rtl.intersection.box_axis import TRUE, Steps, distances
 
 
 class NodeTest(DataflowCore):
@@ -18,7 +20,7 @@ class NodeTest(DataflowCore):
     `config.node_test.depth` register stages. Children in slots from `config.tree.width` on do not count.
     """
 
-    unit_name = "node_test"
+    declared = PURE["node_test"]
 
     def compute(
         self,

@@ -5,6 +5,7 @@ from typing import Any
 
 from amaranth import Cat, Const, Mux, Value
 
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.dataflow import Dataflow, DataflowCore, Node
 from lightloom.rtl.fabric.float_format import CANONICAL_NAN
@@ -15,7 +16,7 @@ from lightloom.rtl.intersection.ray_triangle import next_axis, previous_axis, se
 class RaySetup(DataflowCore):
     """One ray a cycle: 3 reciprocals, 2 multipliers."""
 
-    unit_name = "ray_setup"
+    declared = PURE["ray_setup"]
 
     def compute(
         self, flow: Dataflow, config: Config, *, origin: list[Node], direction: list[Node], t_min: Node, t_max: Node

@@ -6,6 +6,7 @@ from typing import Any
 from amaranth import Cat, Const, Mux, Value
 
 from lightloom.golden_model.contract.formats import SCALE_BIAS, TIME_BITS
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.dataflow import Dataflow, DataflowCore, Node
 from lightloom.rtl.fabric.pipeline import balanced_cuts
@@ -25,7 +26,7 @@ GREATEST_SHIFT = 31
 class RayTime(DataflowCore):
     """One distance a cycle: a float32 multiplier and a shifter; `multiply_depth` and `convert_depth` stages."""
 
-    unit_name = "ray_time"
+    declared = PURE["ray_time"]
 
     def compute(self, flow: Dataflow, config: Config, *, t: Node, rate: Node, scale: Node) -> Mapping[str, Any]:
         return rounded_both_ways(flow, config, FloatFlow(flow, config.operators).multiply("scaled", t, rate), scale)

@@ -5,16 +5,17 @@ from typing import Any
 
 from amaranth import Array, Mux, Value
 
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.dataflow import Dataflow, DataflowCore, Node
-from lightloom.rtl.intersection.determinant import is_usable, reciprocal, sum_of_magnitudes
+from lightloom.rtl.intersection.determinant import determinant_of, is_usable, reciprocal
 from lightloom.rtl.intersection.float_flow import FloatFlow, is_finite, is_negative, is_positive
 
 
 class RayTriangle(DataflowCore):
     """One ray-triangle test a cycle: 13 multipliers, 3 exact edge functions, 1 reciprocal."""
 
-    unit_name = "ray_triangle"
+    declared = PURE["ray_triangle"]
 
     def compute(
         self,
@@ -60,13 +61,12 @@ class RayTriangle(DataflowCore):
         positive = flow.logic("positive", lambda a, b, c: is_positive(a) | is_positive(b) | is_positive(c), *edges)
         inside = flow.logic("inside", lambda n, p, cull: ~(n & p) & ~(cull & n), negative, positive, cull)
 
-        edge_ab = sum_of_magnitudes(flow, config, "edge_ab", edge_a, edge_b)
-        determinant = sum_of_magnitudes(flow, config, "determinant", edge_ab, edge_c, stage=False)
+        determinant = determinant_of(flow, config, *edges)
         sign = flow.logic("sign", lambda positive: ~positive, positive)
         inverse = reciprocal(flow, config, "reciprocal", determinant, sign)
         depth_ab = f.add("depth_ab", f.multiply("depth_a", edge_a, az), f.multiply("depth_b", edge_b, bz))
         depth = f.add("depth", depth_ab, f.multiply("depth_c", edge_c, cz))
-        t = f.multiply("t", self.scaled(f, "distance", depth, sz), inverse)
+        t = f.multiply("t", f.multiply("distance", depth, sz), inverse)
         u = f.multiply("u", edge_b, inverse)
         v = f.multiply("v", edge_c, inverse)
 
@@ -86,20 +86,14 @@ class RayTriangle(DataflowCore):
             "front": flow.logic("front", lambda hit, positive: hit & positive, hit, positive),
         }
 
-    def scaled(self, f: FloatFlow, name: str, depth: Node, sz: Node) -> Node:
-        """depth * sz."""
-        return f.multiply(name, depth, sz)
-
 
 class RayTriangleHalf(RayTriangle):
     """One ray-triangle test every other cycle: 6 multipliers, 2 exact edge functions, 1 reciprocal."""
 
-    unit_name = "ray_triangle_half"
-    initiation_interval = 2
+    declared = PURE["ray_triangle_half"]
 
-    def scaled(self, f: FloatFlow, name: str, depth: Node, sz: Node) -> Node:
-        """The three edge functions leave a turn free, in which depth * sz - 0 * 0 saves a multiplier."""
-        return f.difference_of_products(name, depth, sz, 0, 0)
+    def __init__(self, config: Config):
+        super().__init__(config, interval=2)
 
 
 def next_axis(axis: Value) -> Value:

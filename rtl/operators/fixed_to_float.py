@@ -4,6 +4,7 @@ from typing import Any
 
 from amaranth import Cat, Module, Signal, Value
 
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.fabric.float_format import FloatFormat
 from lightloom.rtl.fabric.pipeline import Step, StepCore
 from lightloom.rtl.operators.shifts import leading_zeros, shift_left
@@ -44,7 +45,7 @@ def round_float(m: Module, f: FloatFormat, *, scaled: Value, exponent: Value, si
 class FixedToFloat(StepCore):
     """Fixed point to float32; depth 0 to 4."""
 
-    unit_name = "fixed_to_float"
+    declared = PURE["fixed_to_float"]
 
     @classmethod
     def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:

@@ -4,6 +4,7 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.fabric.float_format import FloatFormat
 from lightloom.rtl.fabric.pipeline import Step, StepCore
 from lightloom.rtl.operators.fields import add_with_carry, rounded, unpack
@@ -87,7 +88,7 @@ def round_sum(m: Module, f: FloatFormat, *, kept: Value, sign: Value, differ: Va
 class FloatAdd(StepCore):
     """Addition and subtraction; depth 0 to 6."""
 
-    unit_name = "float_add"
+    declared = PURE["float_add"]
 
     @classmethod
     def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:

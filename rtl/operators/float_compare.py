@@ -4,6 +4,7 @@ from typing import Any
 
 from amaranth import Module, Mux, Signal, Value
 
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.fabric.float_format import FLOAT32, FloatFormat
 from lightloom.rtl.fabric.pipeline import Step, StepCore
 from lightloom.rtl.operators.fields import unpack
@@ -32,7 +33,7 @@ def compare(m: Module, f: FloatFormat = FLOAT32, *, a: Value, b: Value) -> dict[
 class FloatCompare(StepCore):
     """Comparison; depth 0 to 1."""
 
-    unit_name = "float_compare"
+    declared = PURE["float_compare"]
 
     @classmethod
     def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:

@@ -15,6 +15,7 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.fabric.float_format import FLOAT32, FloatFormat
 from lightloom.rtl.fabric.pipeline import Step, StepCore
 from lightloom.rtl.operators import product
@@ -163,7 +164,7 @@ def normalise(m: Module, f: FloatFormat, *, total: Value, zeros: Value, exponent
 class FloatDifferenceOfProducts(StepCore):
     """a*b - c*d with a single rounding, so that its sign is exact; depth 0 to 8. `blocks` as in `FloatMultiply`."""
 
-    unit_name = "float_difference_of_products"
+    declared = PURE["float_difference_of_products"]
 
     def __init__(self, depth: int, format: FloatFormat = FLOAT32, *, blocks: bool = False):
         self.blocks = blocks

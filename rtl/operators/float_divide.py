@@ -4,6 +4,7 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.fabric.float_format import FloatFormat
 from lightloom.rtl.fabric.pipeline import Step, StepCore
 from lightloom.rtl.operators.fields import rounded, unpack
@@ -53,7 +54,7 @@ def round_quotient(
 class FloatDivide(StepCore):
     """Division, one bit of the quotient a step; depth 0 to 28."""
 
-    unit_name = "float_divide"
+    declared = PURE["float_divide"]
 
     @classmethod
     def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:

@@ -4,6 +4,7 @@ from typing import Any
 
 from amaranth import Cat, Module, Mux, Signal, Value
 
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.fabric.float_format import FloatFormat
 from lightloom.rtl.fabric.pipeline import Step, StepCore
 from lightloom.rtl.operators.fields import unpack
@@ -34,7 +35,7 @@ def select(m: Module, f: FloatFormat, *, a: Value, b: Value, maximum: Value) -> 
 class FloatMinmax(StepCore):
     """minimumNumber and maximumNumber of IEEE 754-2019; depth 0 to 1."""
 
-    unit_name = "float_minmax"
+    declared = PURE["float_minmax"]
 
     @classmethod
     def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:

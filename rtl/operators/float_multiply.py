@@ -5,6 +5,7 @@ from typing import Any
 
 from amaranth import Const, Module, Mux, Signal, Value
 
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.fabric.float_format import FLOAT32, FloatFormat
 from lightloom.rtl.fabric.pipeline import Step, StepCore
 from lightloom.rtl.operators import product
@@ -53,7 +54,7 @@ def round_product(m: Module, f: FloatFormat, *, kept: Value, **rest: Any) -> dic
 class FloatMultiply(StepCore):
     """Multiplication; depth 0 to 4. With `blocks` the products are written for an FPGA's multiplier blocks."""
 
-    unit_name = "float_multiply"
+    declared = PURE["float_multiply"]
 
     def __init__(self, depth: int, format: FloatFormat = FLOAT32, *, blocks: bool = False):
         self.blocks = blocks

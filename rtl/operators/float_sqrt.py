@@ -4,6 +4,7 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.fabric.float_format import FloatFormat
 from lightloom.rtl.fabric.pipeline import Step, StepCore
 from lightloom.rtl.operators.fields import rounded, unpack
@@ -58,7 +59,7 @@ def round_root(
 class FloatSqrt(StepCore):
     """Square root, one bit of the root a step; depth 0 to 27."""
 
-    unit_name = "float_sqrt"
+    declared = PURE["float_sqrt"]
 
     @classmethod
     def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:

@@ -4,6 +4,7 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
 
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.fabric.float_format import FloatFormat
 from lightloom.rtl.fabric.pipeline import Step, StepCore
 from lightloom.rtl.operators.fields import unpack
@@ -49,7 +50,7 @@ def round_fixed(
 class FloatToFixed(StepCore):
     """float32 to fixed point, nearest even, saturating; depth 0 to 2."""
 
-    unit_name = "float_to_fixed"
+    declared = PURE["float_to_fixed"]
 
     @classmethod
     def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:

@@ -4,6 +4,7 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value, signed
 
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.fabric.float_format import FloatFormat
 from lightloom.rtl.fabric.pipeline import Step, StepCore
 from lightloom.rtl.operators.fields import unpack
@@ -63,7 +64,7 @@ def round_half(
 class FloatToHalf(StepCore):
     """float32 to binary16, subnormal results kept; depth 0 to 2."""
 
-    unit_name = "float_to_half"
+    declared = PURE["float_to_half"]
 
     @classmethod
     def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:

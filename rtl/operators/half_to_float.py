@@ -4,6 +4,7 @@ from typing import Any
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 
+from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.fabric.float_format import FloatFormat
 from lightloom.rtl.fabric.pipeline import Step, StepCore
 from lightloom.rtl.operators.fields import packed
@@ -53,7 +54,7 @@ def widen(
 class HalfToFloat(StepCore):
     """binary16 to float32, exact; depth 0 to 2."""
 
-    unit_name = "half_to_float"
+    declared = PURE["half_to_float"]
 
     @classmethod
     def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:

@@ -1,12 +1,15 @@
 """Every unit's cocotb bench on both simulators."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
 
-from lightloom.gen.verilog import verilog_of
+from lightloom.gen.verilog import convert, verilog_of
 from lightloom.golden_model.contract.interfaces import OPERATORS, PURE
 from lightloom.rtl.config import PRESETS
+from lightloom.rtl.fabric.pipeline import StreamUnit
+from lightloom.rtl.intersection.ray_triangle import RayTriangle
 from lightloom.sim.runner import BenchError, run_bench
 from lightloom.verif.vectors.unit_vectors import unit_vectors
 from tests.simulators import SIMULATORS
@@ -17,7 +20,14 @@ SEED = 2013
 COUNT = {"verilator": (3000, 3000), "icarus": (300, 100)}
 
 
-def bench(unit: str, simulator: str, folder: Path, preset: str = "base", verilog: str | None = None) -> int:
+def bench(
+    unit: str,
+    simulator: str,
+    folder: Path,
+    preset: str = "base",
+    verilog: str | None = None,
+    timing: Mapping[str, int] | None = None,
+) -> int:
     return run_bench(
         unit,
         simulator,
@@ -26,6 +36,7 @@ def bench(unit: str, simulator: str, folder: Path, preset: str = "base", verilog
         config=PRESETS[preset],
         folder=folder,
         verilog=verilog,
+        timing=timing,
     )
 
 
@@ -38,6 +49,16 @@ def test_bench(unit: str, simulator: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("preset", ["tiny", pytest.param("full", marks=pytest.mark.long)])
 def test_ray_triangle_bench_of_the_other_presets(preset: str, tmp_path: Path) -> None:
     assert bench("ray_triangle", "verilator", tmp_path, preset) == 8
+
+
+@pytest.mark.parametrize("interval", [8, pytest.param(3, marks=pytest.mark.long)])
+@pytest.mark.parametrize("simulator", SIMULATORS)
+def test_ray_triangle_bench_at_other_intervals(simulator: str, interval: int, tmp_path: Path) -> None:
+    config = PRESETS["base"]
+    unit = StreamUnit(RayTriangle(config, interval=interval), config.streams.tag_width)
+    timing = {"latency": unit.latency, "initiation_interval": interval}
+    verilog = convert(unit, "ray_triangle")
+    assert bench("ray_triangle", simulator, tmp_path, verilog=verilog, timing=timing) == 8
 
 
 @pytest.mark.parametrize(
