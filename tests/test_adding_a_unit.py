@@ -86,3 +86,10 @@ def test_everything_follows_from_it(changed: Path, tmp_path: Path) -> None:
 def test_the_rules_of_the_rooms_hold(changed: Path) -> None:
     options = ["-q", "-p", "no:xdist", "-p", "no:cacheprovider"]
     run(sys.executable, "-m", "pytest", *options, "tests/test_rooms.py", cwd=changed)
+
+
+def test_the_smallest_unit(tmp_path: Path) -> None:
+    """A unit that is in no table of the checkout is emitted, simulated and compared."""
+    said = run(sys.executable, str(ROOT / "examples" / "minimal_unit" / "minimal_unit.py"), str(tmp_path), cwd=ROOT)
+    assert "all 65,536 sums are the model's" in said
+    assert (tmp_path / "byte_sum.v").read_text(encoding="utf-8").count("module byte_sum") == 2

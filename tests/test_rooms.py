@@ -154,14 +154,32 @@ def test_no_folder_is_in_a_circle(package: str) -> None:
     assert circle(arrows(package, child_of(package))) == []
 
 
-BARE = re.compile(rf"(?:^|[\"';]|\\n)\s*(?:from|import)\s+(?:{'|'.join(ROOMS)})\b", re.M)
+BARE = re.compile(rf"(?:^|[\"';:]|\\n)\s*(?:from|import)\s+(?:\w+,\s*)*(?:{'|'.join(ROOMS)})\b", re.M)
+
+
+def roots(path: Path) -> set[str]:
+    """The first names of everything that a file imports, anywhere in it, also by a string that looks like a module."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name.split(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            found.add(str(node.module).split(".")[0])
+        elif isinstance(node, ast.Call) and "import_module" in ast.unparse(node.func):
+            found |= {str(ast.literal_eval(one)).split(".")[0] for one in node.args if isinstance(one, ast.Constant)}
+    return found
 
 
 def test_no_file_imports_a_room_by_its_bare_name() -> None:
     """It would be a second copy of the module, with constants and types of its own."""
-    pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")]
-    files = [*modules().values(), *sources("tests"), *ROOT.glob(".ci/*.py"), *pages]
-    assert [str(path.relative_to(ROOT)) for path in files if BARE.search(path.read_text(encoding="utf-8"))] == []
+    code = [*modules().values(), *sources("tests"), *sources("examples"), *ROOT.glob(".ci/*.py")]
+    assert [str(path.relative_to(ROOT)) for path in code if roots(path) & set(ROOMS)] == []
+    texts = [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md"), *code]
+    assert [str(path.relative_to(ROOT)) for path in texts if BARE.search(path.read_text(encoding="utf-8"))] == []
+
+
+def test_what_is_shipped_imports_no_test() -> None:
+    assert [str(path.relative_to(ROOT)) for path in modules().values() if "tests" in roots(path)] == []
 
 
 def test_no_process_holds_a_module_twice() -> None:

@@ -12,6 +12,7 @@ from lightloom.gen.emit import emit
 from lightloom.gen.manifest import PACKAGES
 from lightloom.gen.package.files import constraints, ipxact, librelane, register_files, render, to_json
 from lightloom.gen.package.formats import context
+from lightloom.gen.package.registers import registers
 from lightloom.gen.package.stream_bench import stream_bench
 from lightloom.gen.package.traversal_bench import traversal_bench
 from lightloom.golden_model.host.errors import InputError
@@ -95,7 +96,7 @@ def _shared_files(
             units=manifests,
             preset=preset,
             clock=f"{clock:g}",
-            register_units=images,
+            register_units=[unit["module"] for unit in manifests if registers(unit["ports"])],
             ties=in_words(list(ties)),
         ),
         "Makefile": render("package_makefile", modules=modules),

@@ -52,6 +52,11 @@ def _register(
                 "values": port.get("values", {}),
             }
         )
-    width = 32 if sum(field["width"] for field in fields) <= 32 else 64
+    bits = sum(field["width"] for field in fields)
+    if bits > 64:
+        raise ValueError(
+            f"register {name}: {bits} bits of {', '.join(port['name'] for port in ports)} are more than 64"
+        )
+    width = 32 if bits <= 32 else 64
     offset = -(-size(before) // (width // 8)) * (width // 8)
     return {"name": name, "meaning": meaning, "offset": offset, "width": width, "fields": fields}

@@ -62,7 +62,7 @@ class Parameter:
         """Raises InputError where it may not be `value`; `called` is what the user knows it by."""
         if self.values:
             if type(value) is not type(self.default) or value not in self.values:
-                raise InputError(f"{called} {value}: must be {self.allowed}")
+                raise InputError(f"{called} {value!r}: must be {self.allowed}")
         elif self.range is not None:
             for one in value if isinstance(value, tuple) else (value,):
                 self._check_number(one, f"{called} {value}")

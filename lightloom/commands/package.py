@@ -43,8 +43,9 @@ def package(
     if json:
         print_json({"out": str(out), **described})
         return
-    columns = ["unit", "computes", "latency", "interval"]
-    print_table(f"Package, preset {preset}", columns, [list(row.values()) for row in described["units"]])
+    columns = {"module": "module", "summary": "computes", "latency": "latency", "initiation_interval": "interval"}
+    rows = [[row[key] for key in columns] for row in described["units"]]
+    print_table(f"Package, preset {preset}", list(columns.values()), rows)
     print(f"{len(described['files']) + 2} files written to {out}; make -C {out} check")
 
 

@@ -40,7 +40,11 @@ class TraversalArray(UnitComponent):
             data_width=axi.data_width,
             id_width=axi.id_width,
         )
-        super().__init__(unit.unit, config.streams.tag_width, memory=self._arbiter.m_axi.signature, ports=unit.ports)
+        ports = {
+            name: replace(port, meaning=f"{port.meaning}, of all units together") if port.role is Role.COUNTER else port
+            for name, port in unit.ports.items()
+        }
+        super().__init__(unit.unit, config.streams.tag_width, memory=self._arbiter.m_axi.signature, ports=ports)
 
     def elaborate(self, platform: object) -> Module:
         m = Module()

@@ -60,7 +60,7 @@ class Control(wiring.Component):
 
     COUNTERS = (
         Counter("node_tests", "nodes visited", lambda control: control.visit),
-        Counter("revisits", "of these again, for the rest of their children", lambda control: control.revisit),
+        Counter("revisits", "nodes visited again, for the rest of their children", lambda control: control.revisit),
     )
 
     def __init__(self, config: Config):

@@ -18,11 +18,13 @@ from lightloom.gen.flow import tools
 from lightloom.gen.header import LICENCE, MARK
 from lightloom.gen.verilog import verilog_of
 from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.formats import LOAD_ERRORS
 from lightloom.golden_model.contract.interfaces import OPERATORS, PURE, UNITS
 from lightloom.golden_model.host.errors import InputError
 from lightloom.pages.units import parameters_of
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PARAMETERS, PRESETS
+from lightloom.rtl.fabric.unit import STREAM_PORTS, Role
 from lightloom.sim import toolchain
 from tests import ROOT
 from tests.simulators import needs_icarus
@@ -176,3 +178,26 @@ def test_two_presets_in_one_design(unit: str, tmp_path: Path) -> None:
     for command in commands:
         done = subprocess.run(command, cwd=tmp_path, env=verilator.env, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("unit", CATALOGUE)
+def test_ports_say_what_they_are(base: Path, unit: str) -> None:
+    """Streams as in every unit; what may be tied off is an input, to a value that it may have."""
+    ports = {port["name"]: port for port in json.loads((base / f"{unit}.json").read_text())["ports"]}
+    for name, meaning in STREAM_PORTS.items():
+        assert ports[name]["meaning"] == meaning
+        assert (" offered" in meaning) == (name not in ("clk", "rst", "i__payload", "o__payload"))
+    for port in ports.values():
+        assert port["role"] in {"clk", "rst", "stream", "memory", *(role.value for role in Role)}
+        if "tie" in port:
+            assert port["direction"] == "input"
+            assert 0 <= port["tie"] < 1 << port["width"]
+            assert "from 1" not in port["meaning"]
+
+
+def test_what_a_traversal_unit_may_have_tied_off(base: Path) -> None:
+    ports = json.loads((base / "traversal.json").read_text())["ports"]
+    ties = {port["name"]: port["tie"] for port in ports if "tie" in port}
+    assert ties == {"read_timeout": 0, "abort": 0, "count_clear": 0}
+    (error,) = (port["values"] for port in ports if "values" in port)
+    assert error == LOAD_ERRORS

@@ -20,7 +20,7 @@ from lightloom.golden_model.stimuli.ray_families import adversarial_rays, diffus
 from lightloom.golden_model.tracing.wide_bvh.encode import build_wide
 from lightloom.golden_model.tracing.wide_bvh.traversal import queries_of, trace_tree
 from lightloom.rtl.catalogue import CATALOGUE
-from lightloom.rtl.config import PARAMETERS, Config
+from lightloom.rtl.config import PARAMETERS, PRESETS, Config
 from lightloom.rtl.intersection.box_axis import STEPS
 from lightloom.rtl.intersection.determinant import DIGITS
 from lightloom.sim.traversal import TraversalUnit
@@ -47,7 +47,7 @@ def refused(name: str, value: object) -> str:
         config_of({name: value})
     message = str(error.value)
     assert "\n" not in message
-    assert message == f"{name} {value}: must be {PARAMETERS[name].allowed}"
+    assert message == f"{name} {value!r}: must be {PARAMETERS[name].allowed}"
     return message
 
 
@@ -64,6 +64,15 @@ def test_what_is_below_or_above_a_range_is_refused(each: Parameter) -> None:
         assert each.parsed(str(value)) == value
     with pytest.raises(InputError, match=f"^{each.name} many: must be "):
         each.parsed("many")
+
+
+def test_a_block_is_of_its_kind() -> None:
+    """A whole configuration, and with it everything that is derived from it, has the blocks that it says."""
+    wrong: list[dict[str, Any]] = [{"streams": 5}, {"streams": PRESETS["base"].operators}, {"node_cache": None}]
+    for blocks in wrong:
+        (name,) = blocks
+        with pytest.raises(InputError, match=f"^{name}: must be a "):
+            Config(**blocks)
 
 
 @pytest.mark.parametrize(
