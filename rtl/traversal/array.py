@@ -2,13 +2,15 @@
 # (an array is also made only to ask for its ports)
 """Several traversal units that share one stream of rays, one of results and one memory port."""
 
+from dataclasses import replace
+
 from amaranth import Cat, Const, Module, Mux, ResetInserter, Signal, Value
 from amaranth.lib import wiring
 
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.one_hot import any_of, next_of
 from lightloom.rtl.fabric.queues import Buffer
-from lightloom.rtl.fabric.unit import UnitComponent
+from lightloom.rtl.fabric.unit import Role, UnitComponent
 from lightloom.rtl.memory.axi_read_arbiter import AxiReadArbiter
 from lightloom.rtl.traversal.unit import COUNTERS, Traversal
 
