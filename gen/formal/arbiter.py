@@ -2,57 +2,63 @@
 
 from functools import partial, reduce
 from operator import or_
+from typing import Any
 
 from amaranth import Array, Cat, Const, Mux, Signal, Value
 
 from lightloom.gen.formal.bench import Bench
 from lightloom.gen.formal.properties import Induction, Property
-from lightloom.gen.formal.streams import Tracker, held
+from lightloom.gen.formal.streams import Tracker, buffer_invariant, held
+from lightloom.rtl.memory.aborts import ABORT
 from lightloom.rtl.memory.axi_read_arbiter import AxiReadArbiter
 from lightloom.rtl.memory.read_timer import TIMEOUT_BITS, ReadTimer
 
-ADDRESS, DATA = ("araddr", "arid", "arlen", "arsize", "arburst"), ("rdata", "rid", "rresp", "rlast")
 SHAPE = {"reads": 16, "address_width": 8, "data_width": 32, "id_width": 2}
 
 
 def _arbiter(count: int) -> tuple[AxiReadArbiter, Bench]:
     component = AxiReadArbiter(count, **SHAPE)
     # There is no abort but in benches that ask for one; of its end the others know nothing.
-    return component, Bench(component, driven={"abort", "tick", "timed"})
-
-
-def _fields(port: object, names: tuple[str, ...]) -> Value:
-    return Cat(Value.cast(getattr(port, name)) for name in names)
+    return component, Bench(component, driven=set(ABORT))
 
 
 def addresses(count: int) -> Bench:
     component, bench = _arbiter(count)
+    in_turn(bench, component, "ar")
+    return bench
+
+
+def data(count: int) -> Bench:
+    component, bench = _arbiter(count)
+    to_whom_it_names(bench, component, "r", "beats")
+    return bench
+
+
+def in_turn(bench: Bench, component: Any, channel: str) -> None:
+    """Addresses of an arbiter without an abort: one master a cycle, in order, number in the id, each in its turn."""
     bench.require("no_abort", ~component.aborting)
     m, port, masters = bench.m, component.m_axi, component.masters
-    takes = Cat(master.arvalid & master.arready for master in masters)
+    count = len(masters)
+    takes = Cat(transfers(master, channel) for master in masters)
     one_at_a_time = (takes & (takes - 1)[:count]) == 0
     bench.require("one_master_a_cycle", one_at_a_time)
-    held(bench, "ar", port.arvalid, port.arready, _fields(port, ADDRESS))
+    valid, ready = offer(port, channel)
+    held(bench, channel, valid, ready, payload_of(port, channel))
     for k, master in enumerate(masters):  # AXI's rule for masters
-        waits = bench.past(master.arvalid & ~master.arready, f"master{k}_waits")
-        before = bench.past(_fields(master, ADDRESS), f"master{k}")
-        bench.assume(~waits | (master.arvalid & (_fields(master, ADDRESS) == before)))
+        keeps_offering(bench, master, channel, f"master{k}")
 
     # In order, with the master's number above its id.
-    incoming = [
-        Mux(takes[k], Cat(one.araddr, one.arid, _number(k, count), one.arlen, one.arsize, one.arburst), 0)
-        for k, one in enumerate(masters)
-    ]
+    incoming = [Mux(takes[k], payload_of(one, channel, _number(k, count)), 0) for k, one in enumerate(masters)]
     tracker = Tracker(
         bench,
         most=2,
         enters=takes.any(),
         incoming=reduce(or_, incoming),
-        leaves=port.arvalid & port.arready,
-        offers=port.arvalid,
-        outgoing=_fields(port, ADDRESS),
+        leaves=valid & ready,
+        offers=valid,
+        outgoing=payload_of(port, channel),
     )
-    _buffer_invariant(bench, tracker, "addresses")
+    buffer_invariant(bench, tracker, "addresses")
 
     # A master that waits sees each of the others once before it.
     if count > 1:
@@ -63,7 +69,8 @@ def addresses(count: int) -> Bench:
         distance = Signal(range(count))
         last = Signal(range(count))
         above = bench.inner("asker_above")
-        m.d.comb += waits.eq(Array(master.arvalid & ~master.arready for master in masters)[who])
+        waiting = [getattr(master, f"{channel}valid") & ~transfers(master, channel) for master in masters]
+        m.d.comb += waits.eq(Array(waiting)[who])
         with m.If(~waits):
             m.d.sync += passed.eq(0)
         with m.Elif(takes.any()):
@@ -77,39 +84,61 @@ def addresses(count: int) -> Bench:
         bench.require("nearer_each_time", passed + distance < count)
         ranges = [above == (((1 << count) - 1) << k) & ((1 << count) - 1) for k in range(1, count + 1)]
         bench.require("above_is_a_range", reduce(or_, ranges))
-    return bench
 
 
-def data(count: int) -> Bench:
-    component, bench = _arbiter(count)
+def to_whom_it_names(bench: Bench, component: Any, channel: str, buffer: str) -> None:
+    """Answers through an arbiter without an abort: to the master that the id names, once, in order."""
     bench.require("no_abort", ~component.aborting)
     port, masters = component.m_axi, component.masters
-    low = SHAPE["id_width"]
-    somebody = port.rid[low:] < count
-    valids = Cat(master.rvalid for master in masters)
+    count, low = len(masters), component.masters[0].signature.id_width
+    valid, ready = offer(port, channel)
+    somebody = getattr(port, f"{channel}id")[low:] < count
+    valids = Cat(getattr(master, f"{channel}valid") for master in masters)
     bench.require("one_master_a_beat", (valids & (valids - 1)[:count]) == 0)
     for k, master in enumerate(masters):
-        held(bench, f"r{k}", master.rvalid, master.rready, _fields(master, DATA))
-    outgoing = [
-        Mux(master.rvalid, Cat(master.rdata, master.rid, _number(k, count), master.rresp, master.rlast), 0)
-        for k, master in enumerate(masters)
-    ]
+        held(bench, f"{channel}{k}", *offer(master, channel), payload_of(master, channel))
+    outgoing = [Mux(valids[k], payload_of(one, channel, _number(k, count)), 0) for k, one in enumerate(masters)]
     tracker = Tracker(
         bench,
         most=2,
-        enters=port.rvalid & port.rready & somebody,
-        incoming=Cat(port.rdata, port.rid, port.rresp, port.rlast),
-        leaves=reduce(or_, (master.rvalid & master.rready for master in masters)),
+        enters=valid & ready & somebody,
+        incoming=payload_of(port, channel),
+        leaves=reduce(or_, (transfers(master, channel) for master in masters)),
         offers=valids.any(),
         outgoing=reduce(or_, outgoing),
     )
-    _buffer_invariant(bench, tracker, "beats")
+    buffer_invariant(bench, tracker, buffer)
+    before = port.signature.data_width if channel == "r" else 0  # bits of the payload below the id
     for register, holds in (("first", "o__valid"), ("kept", "held")):
-        number = bench.inner(f"beats/{register}")[SHAPE["data_width"] + low :][: component.number_width]
-        bench.require(f"{register}_for_somebody", ~bench.inner(f"beats/{holds}") | (number < count))
+        number = bench.inner(f"{buffer}/{register}")[before + low :][: component.number_width]
+        bench.require(f"{register}_for_somebody", ~bench.inner(f"{buffer}/{holds}") | (number < count))
     if count & (count - 1):
-        bench.reach("for_nobody", port.rvalid & port.rready & ~somebody)
-    return bench
+        bench.reach("for_nobody", valid & ready & ~somebody)
+
+
+def offer(port: Any, channel: str) -> tuple[Value, Value]:
+    """`valid` and `ready` of a channel."""
+    return getattr(port, f"{channel}valid"), getattr(port, f"{channel}ready")
+
+
+def transfers(port: Any, channel: str) -> Value:
+    valid, ready = offer(port, channel)
+    return valid & ready
+
+
+def payload_of(port: Any, channel: str, number: Value | None = None) -> Value:
+    """What a channel has; `number` is put above the id."""
+    fields = [(name, Value.cast(getattr(port, name))) for name, _ in port.signature.payload(channel)]
+    above = Const(0, 0) if number is None else number
+    return Cat(Cat(value, above) if name == f"{channel}id" else value for name, value in fields)
+
+
+def keeps_offering(bench: Bench, port: Any, channel: str, name: str) -> None:
+    """AXI's rule for whoever offers something: it stays until it is taken."""
+    valid, ready = offer(port, channel)
+    waits = bench.past(valid & ~ready, f"{name}_waits")
+    before = bench.past(payload_of(port, channel), name)
+    bench.assume(~waits | (valid & (payload_of(port, channel) == before)))
 
 
 def aborts(count: int) -> Bench:
@@ -197,7 +226,7 @@ def timed_aborts(count: int) -> Bench:
 def _abort_rules(bench: Bench, component: AxiReadArbiter) -> Signal:
     """What an abort is, whatever ends it; `aborting` in the cycle before."""
     port = component.m_axi
-    held(bench, "ar", port.arvalid, port.arready, _fields(port, ADDRESS))
+    held(bench, "ar", port.arvalid, port.arready, payload_of(port, "ar"))
     closed = component.abort | component.aborting
     waits = bench.past(port.arvalid & ~port.arready, "waits")
     bench.require("nothing_new", ~(bench.past(closed, "closed") & port.arvalid) | waits)
@@ -209,15 +238,6 @@ def _abort_rules(bench: Bench, component: AxiReadArbiter) -> Signal:
 
 def _number(k: int, count: int) -> Value:
     return Const(k, (count - 1).bit_length())
-
-
-def _buffer_invariant(bench: Bench, tracker: Tracker, name: str) -> None:
-    """The tracked transfer in the registers of a buffer."""
-    second, kept = bench.inner(f"{name}/held"), bench.inner(f"{name}/kept")
-    first = bench.inner(f"{name}/o__valid")
-    bench.require("count_is_registers", tracker.count == first + second)
-    bench.require("first_before_second", first | ~second)
-    bench.require("second_is_kept", ~tracker.follows | (tracker.ahead == 0) | (kept == tracker.payload))
 
 
 def properties() -> list[Property]:

@@ -15,6 +15,8 @@ from lightloom.gen.formal import (
     special_cases,
     stacks,
     stream_units,
+    write_arbiter,
+    writer,
 )
 from lightloom.gen.formal.properties import Property
 
@@ -22,6 +24,8 @@ MODULES = (
     stream_units,
     queues,
     arbiter,
+    write_arbiter,
+    writer,
     counting,
     lines,
     cache,

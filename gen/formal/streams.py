@@ -51,3 +51,12 @@ class Tracker:
         bench.require("unchanged", ~(offers & self.follows & (self.ahead == 0)) | (outgoing == self.payload))
         bench.reach("followed_one_leaves", self.follows & leaves & (self.ahead == 0))
         bench.reach("full", self.count == most)
+
+
+def buffer_invariant(bench: Bench, tracker: Tracker, name: str) -> None:
+    """The tracked transfer is in the registers of a buffer, the submodule `name`."""
+    second, kept = bench.inner(f"{name}/held"), bench.inner(f"{name}/kept")
+    first = bench.inner(f"{name}/o__valid")
+    bench.require("count_is_registers", tracker.count == first + second)
+    bench.require("first_before_second", first | ~second)
+    bench.require("second_is_kept", ~tracker.follows | (tracker.ahead == 0) | (kept == tracker.payload))

@@ -83,7 +83,7 @@ class AxiWriteArbiter(Component):
         masters, axi = self.masters, self.m_axi.signature
         sender = Signal(self.count)
         moves = Signal()
-        beat = Signal(range(axi.block_beats))
+        beat = Signal(range(axi.block_beats))  # no bits wide where there is one
         last = Signal()
         m.d.comb += [
             sender.eq(senders.o.payload & (senders.o.valid & ~self.aborting).replicate(self.count)),
@@ -102,5 +102,5 @@ class AxiWriteArbiter(Component):
         for k, master in enumerate(masters):
             m.d.comb += master.wready.eq(sender[k] & beats.i.ready)
         with m.If(moves):
-            m.d.sync += beat.eq(Mux(last, 0, beat + 1))
+            m.d.sync += beat.eq(beat + 1)  # behind the last one it is 0 again: their number is a power of two
         to_port(m, self.m_axi, "w", beats)

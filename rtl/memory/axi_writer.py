@@ -105,7 +105,7 @@ class AxiWriter(Component):
         """Addresses, and beside them beats, from a block's lowest bits up."""
         port = self.m_axi
         axi = port.signature
-        beat = Signal(range(axi.block_beats))
+        beat = Signal(range(axi.block_beats))  # no bits wide where there is one
         content = contents.o.payload
         m.d.comb += [
             port.awvalid.eq(addresses.o.valid),
@@ -122,7 +122,7 @@ class AxiWriter(Component):
             contents.o.ready.eq(port.wready & port.wlast),
         ]
         with m.If(port.wvalid & port.wready):
-            m.d.sync += beat.eq(Mux(port.wlast, 0, beat + 1))
+            m.d.sync += beat.eq(beat + 1)  # behind the last one it is 0 again: their number is a power of two
 
     def _tell(self, m: Module, *, failed: Value, failed_block: Value, refuses: Value) -> None:
         """The first error; of two at a time, that of the block that came first."""

@@ -13,7 +13,10 @@ def watched(unit: Any, **limits: Any) -> tuple[Module, AxiChecker]:
     checker = AxiChecker(unit.m_axi.signature, **limits)
     dut.submodules.unit = unit
     dut.submodules.checker = checker
-    for port in checker.axi.ports:
+    both = len(checker.axi.ports) == 2
+    for port, there in zip(
+        checker.axi.ports, (unit.m_axi.read, unit.m_axi.write) if both else (unit.m_axi,), strict=True
+    ):
         for name in port.members:
-            dut.d.comb += getattr(checker.m_axi, name).eq(getattr(unit.m_axi, name))
+            dut.d.comb += getattr(checker.m_axi, name).eq(getattr(there, name))
     return dut, checker

@@ -100,9 +100,6 @@ def test_bench(simulator: str, data_width: int, tmp_path: Path) -> None:
     assert bench(tmp_path, simulator, data_width) == 44
 
 
-LATE = "due[tail] = now + {48'd0, latency}"
-
-
 @needs_icarus
 @pytest.mark.icarus
 @pytest.mark.parametrize(
@@ -113,8 +110,8 @@ LATE = "due[tail] = now + {48'd0, latency}"
         ("waits = turn[slot] != now_turn[id[slot]];", "waits = 0;", "reorder=100", "expected 0x"),
         ("&& !(waits && reorder != 0)", "&& !waits", "reorder=0/interleave=1", "AssertionError"),
         ("if (engaged && !interleave)", "if (1'b0)", "reorder=100/interleave=0", "AssertionError"),
-        ("if ((!rvalid || rready) &&", "if (", r"\.stalled_and", "a waiting beat changed"),
-        ("due[tail] = latency == 0 ? now : now + {48'd0, latency} - 1", LATE, "latency$", r"latency \d+: "),
+        ("if ((!rvalid || rready) &&", "if (", "[.]stalled", "a waiting beat changed"),
+        ("due[tail] = latency == 0", "due[tail] = 1'b1", "[.]latency/|[.]latency$", r"latency \d+: "),
         ("BEAT_COST = 256", "BEAT_COST = 255", "bandwidth", r"beat \d+ after"),
         ("under_way} < QUEUE", "under_way} <= QUEUE", "bursts_under_way", "AssertionError"),
         ("refused[tail] = arburst != INCR ||", "refused[tail] =", "errors", "expected 0xdeadbeef"),
@@ -193,7 +190,7 @@ def test_both_simulators_answer_writes_alike(tmp_path: Path) -> None:
 
 
 def test_an_image_as_large_as_the_memory(tmp_path: Path) -> None:
-    assert bench(tmp_path, "verilator", 128, image_bytes=1 << MEMORY_BITS, only="latency$|errors$") == 2
+    assert bench(tmp_path, "verilator", 128, image_bytes=1 << MEMORY_BITS, only="latency|errors") == 4
 
 
 def test_speed_with_the_default_parameters(tmp_path: Path) -> None:

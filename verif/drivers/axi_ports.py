@@ -1,6 +1,7 @@
 """The AXI4 memory of benches at a port in a simulator: cocotb's, or Amaranth's own."""
 
 import random
+from collections.abc import Callable
 from typing import Any
 
 import cocotb
@@ -10,11 +11,11 @@ from lightloom.golden_model.contract.axi_rules import RULE_PORTS
 from lightloom.verif.drivers.axi_slave import READ, WRITE, AxiSlave, Manner, Regions
 
 
-def lanes_and_outputs(port: Any, prefix: str = "") -> tuple[int, tuple[str, ...]]:
-    """Bytes of the bus, and what a slave drives at a port that reads, writes, or both."""
-    reads, writes = (hasattr(port, f"{prefix}{name}") for name in ("arvalid", "awvalid"))
-    bus = getattr(port, f"{prefix}{'rdata' if reads else 'wdata'}")
-    return len(bus) // 8, (READ if reads else ()) + (WRITE if writes else ())
+def lanes_and_outputs(there: Callable[[str], bool], bits: Callable[[str], int]) -> tuple[int, tuple[str, ...]]:
+    """Bytes of the bus, and what a slave drives, at a port that reads, writes, or both: of each of AXI's signals, by
+    its name, whether it is `there`, and its `bits`."""
+    reads, writes = there("arvalid"), there("awvalid")
+    return bits("rdata" if reads else "wdata") // 8, (READ if reads else ()) + (WRITE if writes else ())
 
 
 class CocotbSlave(AxiSlave):
@@ -26,9 +27,11 @@ class CocotbSlave(AxiSlave):
 
     def __init__(self, dut: Any, prefix: str, *, rng: random.Random) -> None:
         self.regions = Regions()
-        lanes, self._outputs = lanes_and_outputs(dut, f"{prefix}_")
-        super().__init__(lanes, rng=rng, content=self.regions, strict=True)
         self._dut, self._prefix = dut, prefix
+        lanes, self._outputs = lanes_and_outputs(
+            lambda name: hasattr(dut, f"{prefix}_{name}"), lambda name: len(getattr(dut, f"{prefix}_{name}"))
+        )
+        super().__init__(lanes, rng=rng, content=self.regions, strict=True)
         self._rules = [getattr(dut, name) for name in RULE_PORTS if hasattr(dut, name)]
         cocotb.start_soon(self._run())
 
@@ -72,18 +75,21 @@ class AmaranthSlave(AxiSlave):
         seed: int = 0,
         **options: Any,
     ) -> None:
-        lanes, self._outputs = lanes_and_outputs(axi)
+        # A port of both directions has one of each.
+        parts = (axi,) if hasattr(axi, "arvalid") or hasattr(axi, "awvalid") else (axi.read, axi.write)
+        self._signals = {name: getattr(part, name) for part in parts for name in part.signature.members}
+        lanes, self._outputs = lanes_and_outputs(self._signals.__contains__, lambda name: len(self._signals[name]))
         super().__init__(lanes, rng=random.Random(seed), **options)
         cycles = (latency, latency) if isinstance(latency, int) else latency
         self.manner = Manner(latency=cycles, stall=stall, reorder=reorder, interleave=reorder)
-        self._axi, self._checker = axi, checker
+        self._checker = checker
 
     def drive(self, ctx: Any) -> None:
         self._shown = self.offers(self._outputs)
         for name, value in self._shown.items():
-            ctx.set(getattr(self._axi, name), value)
+            ctx.set(self._signals[name], value)
 
     def sample(self, ctx: Any) -> None:
-        self.sees(self._shown, lambda name: ctx.get(getattr(self._axi, name)))
+        self.sees(self._shown, lambda name: ctx.get(self._signals[name]))
         if self._checker is not None:
             self.check(ctx.get(rule) for rule in (self._checker.master_rule, self._checker.slave_rule))

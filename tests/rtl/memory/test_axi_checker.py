@@ -2,17 +2,23 @@
 # (a checker that cannot be built is tried)
 """The checker of AXI4 ports: silent while all rules are kept, and it names the rule that a fault breaks."""
 
+import json
+from pathlib import Path
 from typing import Any
 
 import pytest
 from amaranth import ClockDomain, Module
 from amaranth.sim import Simulator
 
+from lightloom.gen.verilog import convert, ports_of
 from lightloom.golden_model.contract.axi_rules import AXI_RULES, is_masters, rule_of
 from lightloom.rtl.memory.axi import Axi
 from lightloom.rtl.memory.axi_checker import AxiChecker
+from lightloom.sim.runner import run_cocotb
 from lightloom.verif.vectors.axi_faults import FAULTS
 from lightloom.verif.vectors.axi_traces import Cycle, Port, legal_trace
+from tests.gen.test_lint import WAIVERS, lint
+from tests.simulators import SIMULATORS
 
 SEED = 405
 
@@ -75,6 +81,33 @@ def test_a_fault_is_named(name: str) -> None:
     first = next((k for k, rules in enumerate(seen) if rules[side]), None)
     assert first is not None, f"seed {SEED}: nothing is named; the fault is in cycle {where}"
     assert seen[first][side] == rule_of(list(AXI_RULES).index(fault.rule) + 1), f"seed {SEED}, cycle {first}"
+
+
+@pytest.mark.parametrize("simulator", SIMULATORS)
+@pytest.mark.parametrize("blocks", [True, False], ids=["blocks", "any bursts"])
+def test_bench(simulator: str, blocks: bool, tmp_path: Path) -> None:
+    """The emitted Verilog, with the same traces."""
+    port = Port(blocks=blocks)
+    made = checker_of(port)
+    ports = [name for name, _, _ in ports_of(made)]
+    passed = run_cocotb(
+        "axi_checker",
+        {"axi_checker.v": convert(made, "axi_checker")},
+        simulator,
+        module="lightloom.verif.benches.test_axi_checker",
+        public_ports=["clk", "rst", *ports],
+        extra_env={"LIGHTLOOM_BENCH": json.dumps({"seed": SEED, "blocks": blocks})},
+        seed=SEED,
+        folder=tmp_path,
+    )
+    assert passed == 1 + sum(fault.blocks == blocks for fault in FAULTS.values())
+
+
+@pytest.mark.parametrize("blocks", [True, False], ids=["blocks", "any bursts"])
+def test_verilog_is_clean(blocks: bool, tmp_path: Path) -> None:
+    source = tmp_path / "axi_checker.v"
+    source.write_text(convert(checker_of(Port(blocks=blocks)), "axi_checker"))
+    assert lint(WAIVERS, source, top="axi_checker") == ""
 
 
 @pytest.mark.parametrize("wrong", [{"reads": 3}, {"writes": 0}, {"ahead": 12}])
