@@ -91,10 +91,12 @@ def convert(component: wiring.Component, name: str) -> str:
 def ports_of(component: wiring.Component) -> Iterator[tuple[str, wiring.Member, Value]]:
     """Name, member and value of every port.
 
-    Names of paths are joined by __, as Amaranth does it, but those of an AXI interface by one, as everybody does it.
+    Names of paths are joined by __, as Amaranth does it. Those of an AXI interface are a prefix and AXI's own names, as
+    everybody does it, whether it is a port to read, one to write, or both.
     """
     for path, member, value in component.signature.flatten(component):
-        yield ("_" if path[0] == AXI else "__").join(map(str, path)), member, Value.cast(value)
+        name = f"{AXI}_{path[-1]}" if path[0] == AXI else "__".join(map(str, path))
+        yield name, member, Value.cast(value)
 
 
 def _share(fragment: Fragment, top: str, shared: dict[str, tuple[Shared, Fragment]]) -> None:

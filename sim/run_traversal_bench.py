@@ -4,10 +4,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+from lightloom.gen.manifest import manifest
+from lightloom.gen.watched import ports_of, watched
+from lightloom.golden_model.contract.axi_rules import RULE_PORTS
 from lightloom.rtl.config import PRESETS, Config
 from lightloom.sim.emitted import emitted
 from lightloom.sim.runner import run_cocotb
-from lightloom.sim.traversal import port_widths
 
 MODULES = ",".join(
     (
@@ -55,16 +57,19 @@ def run_traversal_bench(
     text = emitted("traversal", config) if verilog is None else verilog
     description: dict[str, Any] = {"seed": SEED, "rays": rays, "few": few, "patience": patience}
     description |= {name: config.flat()[name] for name in ("width", "stack", "overlap", "contexts", "units")}
+    ports = manifest("traversal", config)["ports"]
+    description["counters"] = [port["name"].removeprefix("count_") for port in ports if port["role"] == "counter"]
     description["lines"] = {
         "node": config.node_cache.lines,
         "triangle": config.triangle_cache.lines,
     }
+    ports = ports_of(text, "traversal")
     return run_cocotb(
-        "traversal",
-        {"traversal.v": text},
+        "traversal_watched",
+        {"traversal.v": text, "traversal_watched.v": watched("traversal", ports)},
         simulator,
         module=MODULES,
-        public_ports=list(port_widths(text, "traversal")),
+        public_ports=[*ports, *RULE_PORTS, "axi_forget"],
         extra_env={"LIGHTLOOM_BENCH": json.dumps(description), **({"COCOTB_TEST_FILTER": only} if only else {})},
         seed=SEED,
         folder=folder,

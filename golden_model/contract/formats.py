@@ -195,6 +195,13 @@ LOAD_ERRORS = {
     "size": 9,  # the image goes beyond the end of the address space
 }
 
+# What may become of a block that is to be written, the first of all since that was last asked.
+WRITE_ERRORS = {
+    "none": 0,
+    "memory": 1,  # the memory answered with an error
+    "outside": 2,  # it is not between the bounds, and was not written
+}
+
 # Distances along a ray in the box test are counted along its dominant axis, in the ray's units (`box_setup`), with
 # TIME_BIAS added: the order of the integers is that of the distances.
 TIME_BITS = 25

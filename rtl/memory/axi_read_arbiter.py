@@ -1,13 +1,13 @@
 """Several AXI4 read masters on one port."""
 
 from amaranth import Cat, Module, Mux, ResetInserter, Signal
-from amaranth.lib import data
 from amaranth.lib.wiring import Component, In, Out
 
 from lightloom.rtl.fabric.counters import Counter
-from lightloom.rtl.fabric.one_hot import any_of, next_of, number_of
 from lightloom.rtl.fabric.queues import Buffer
+from lightloom.rtl.memory.aborts import ABORT, end_of_abort
 from lightloom.rtl.memory.axi import AxiRead
+from lightloom.rtl.memory.axi_sharing import addresses_in_turn, answers_to_masters
 
 
 class AxiReadArbiter(Component):
@@ -39,85 +39,37 @@ class AxiReadArbiter(Component):
             {
                 "masters": In(AxiRead(**widths, id_width=id_width)).array(count),
                 "m_axi": Out(AxiRead(**widths, id_width=id_width + self.number_width)),
-                "abort": In(1),
-                "tick": In(1),
-                "timed": In(1),
-                "aborting": Out(1),
+                **ABORT,
             }
         )
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        port, masters = self.m_axi, self.masters
-        id_width = len(masters[0].arid)
+        port = self.m_axi
+        axi = port.signature
 
-        # --- addresses ------------------------------------------------------------------------------------------------
-        names: tuple[str, ...] = ("araddr", "arid", "arlen", "arsize", "arburst")
-        fields = data.StructLayout({name: len(getattr(port, name)) for name in names})
-        addresses = Buffer(fields)
+        addresses = Buffer(axi.payload("ar"))
         empties = Signal()  # the buffer, also of an address that waits behind the one that is offered
         m.submodules.addresses = ResetInserter(empties)(addresses)
         asks = Signal(self.count)
-        m.d.comb += [asks.eq(Cat(master.arvalid for master in masters)), addresses.i.valid.eq(asks.any())]
-        chosen = next_of(m, "asker", asks, addresses.i.valid & addresses.i.ready)
-        for name in names:
-            if name != "arid":
-                each = [Mux(chosen[k], getattr(master, name), 0) for k, master in enumerate(masters)]
-                m.d.comb += addresses.i.payload[name].eq(any_of(each))
-        ids = [Mux(chosen[k], master.arid, 0) for k, master in enumerate(masters)]
-        m.d.comb += addresses.i.payload.arid.eq(Cat(any_of(ids), number_of(chosen)))
-        for k, master in enumerate(masters):
-            m.d.comb += master.arready.eq(chosen[k] & addresses.i.ready)
-        m.d.comb += [port.arvalid.eq(addresses.o.valid), addresses.o.ready.eq(port.arready)]
-        m.d.comb += [getattr(port, name).eq(addresses.o.payload[name]) for name in names]
+        m.d.comb += asks.eq(Cat(master.arvalid for master in self.masters))
+        addresses_in_turn(m, self, "ar", asks, addresses)
 
-        # --- data -----------------------------------------------------------------------------------------------------
-        names = ("rdata", "rid", "rresp", "rlast")
-        fields = data.StructLayout({name: len(getattr(port, name)) for name in names})
-        beats = Buffer(fields)
+        beats = Buffer(axi.payload("r"))
         m.submodules.beats = ResetInserter(self.aborting)(beats)
-        # An id that names no master is no master's: its beats are taken and dropped.
-        somebody = port.rid[id_width:] < self.count
-        m.d.comb += [beats.i.valid.eq(port.rvalid & somebody), port.rready.eq(beats.i.ready)]
-        m.d.comb += [beats.i.payload[name].eq(getattr(port, name)) for name in names]
-        beat = beats.o.payload
-        ready = []
-        for k, master in enumerate(masters):
-            mine = Signal(name=f"mine{k}")
-            m.d.comb += [
-                mine.eq(beat.rid[id_width:] == k if self.number_width else 1),
-                master.rvalid.eq(beats.o.valid & mine),
-                master.rdata.eq(beat.rdata),
-                master.rid.eq(beat.rid[:id_width]),
-                master.rresp.eq(beat.rresp),
-                master.rlast.eq(beat.rlast),
-            ]
-            ready.append(mine & master.rready)
-        m.d.comb += beats.o.ready.eq(any_of(ready))
+        answers_to_masters(m, self, "r", beats)
 
-        # --- the end of it all ----------------------------------------------------------------------------------------
-        # Without ticks there is nothing but the count of beats, which is right if each burst has its beats, wherever
-        # the memory puts RLAST. With them only silence counts: whether a burst that has ended early goes on, or one is
-        # longer than it was asked for, no count can tell, nor a bit for each id.
-        beats_of_block = port.signature.block_beats
-        left = Signal(range(self.reads * beats_of_block + 1))  # beats of the addresses that were taken
+        # The count of beats is right if each burst has its beats, wherever the memory puts RLAST.
+        left = Signal(range(self.reads * axi.block_beats + 1))  # beats of the addresses that were taken
         asked = Signal()
         came = Signal()
-        silent = Signal()
-        silence = Signal()  # since the last tick
-        over = Signal()
-        m.d.comb += [
-            empties.eq((self.abort | self.aborting) & (~port.arvalid | port.arready)),
-            silent.eq(~(self.abort | port.arvalid | port.rvalid)),
-            over.eq(Mux(self.timed, self.tick & silence & silent, ~(port.arvalid | asked | (left != 0)))),
-        ]
+        m.d.comb += empties.eq((self.abort | self.aborting) & (~port.arvalid | port.arready))
         m.d.sync += [
             asked.eq(port.arvalid & port.arready),
             came.eq(port.rvalid & port.rready),
-            left.eq(left + Mux(asked, beats_of_block, 0) - (came & (left != 0))),
-            silence.eq(silent & (silence | self.tick)),
-            self.aborting.eq(self.abort | (self.aborting & ~over)),
+            left.eq(left + Mux(asked, axi.block_beats, 0) - (came & (left != 0))),
         ]
-        with m.If(self.aborting & over):
+        stirs, awaited = (port.arvalid, port.rvalid), port.arvalid | asked | (left != 0)
+        with m.If(end_of_abort(m, self, stirs=stirs, awaited=awaited)):
             m.d.sync += left.eq(0)
         return m

@@ -5,6 +5,8 @@ awaited; both: as well, and a look has found it so already. `marked` alone: its 
 used again until the last of its beats has come, so that no late beat is taken for another read's.
 """
 
+from dataclasses import dataclass
+
 from amaranth import Const, Module, Mux, Signal, Value
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import Component, In, Out
@@ -12,6 +14,27 @@ from amaranth.lib.wiring import Component, In, Out
 from lightloom.rtl.fabric.pipeline import register
 from lightloom.rtl.fabric.queues import number_width
 from lightloom.rtl.memory.axi import AxiRead, is_error
+
+
+@dataclass(frozen=True)
+class _Step:
+    """A beat, or a look at a miss: of which miss, by its number and as a bit each."""
+
+    beat: Signal
+    look: Signal
+    which: Signal
+    chosen: Signal
+
+
+@dataclass(frozen=True)
+class _Outcome:
+    """The block is there, or given up; its read is over; it is wrong; the beat's place; whether that was waited for."""
+
+    fills: Signal
+    ends: Signal
+    wrong: Signal
+    lane: Signal
+    is_wanted: Signal
 
 
 class BlockFill(Component):
@@ -55,13 +78,17 @@ class BlockFill(Component):
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        number = len(self.miss)
+        hold = Signal()
+        step = self._step(m, hold)
+        self._tell(m, step, self._decide(m, step, hold))
+        return m
 
-        # --- a step a cycle: a beat, or a look at a miss --------------------------------------------------------------
+    def _step(self, m: Module, hold: Signal) -> _Step:
+        """A step a cycle, but none of a beat while `hold` is high."""
         # A look waits for a cycle without a beat, but not for a second one.
+        number = len(self.miss)
         looking = Signal()
         looked = Signal(number)
-        hold = Signal()
         yields = Signal()
         beat = Signal()
         look = Signal()
@@ -81,8 +108,11 @@ class BlockFill(Component):
                 m.d.sync += [looked.eq(0), looking.eq(0)]
         with m.If(self.tick):
             m.d.sync += looking.eq(1)
+        return _Step(beat, look, which, chosen)
 
-        # --- what it means --------------------------------------------------------------------------------------------
+    def _decide(self, m: Module, step: _Step, hold: Signal) -> _Outcome:
+        """What a step means, and what is known of misses."""
+        beat, look, chosen = step.beat, step.look, step.chosen
         wanted = Signal(self.misses)
         marked = Signal(self.misses)
         failed = Signal(self.misses)  # wanted, and a beat before was an error
@@ -132,23 +162,29 @@ class BlockFill(Component):
         counts = beat & (is_wanted | is_marked) & ~at_end
         for plane, now, after in zip(place, lane, lane + 1, strict=False):
             m.d.sync += plane.eq((plane ^ if_chosen(counts & (now ^ after))) & ~if_chosen(ends))
+        return _Outcome(fills, ends, wrong, lane, is_wanted)
 
-        # --- a cycle later --------------------------------------------------------------------------------------------
+    def _tell(self, m: Module, step: _Step, outcome: _Outcome) -> None:
+        """That, a cycle later."""
+        beat, look, which, lane = step.beat, step.look, step.which, outcome.lane
         m.submodules.lines = lines = Memory(shape=self.line_width, depth=max(self.misses, 2), init=[])
         writes = lines.write_port()
         reads = lines.read_port()
-        step = beat | look
+        moves = beat | look
         m.d.comb += [
             writes.en.eq(self.start),
             writes.addr.eq(self.start_miss),
             writes.data.eq(self.start_line),
-            reads.en.eq(step),
+            reads.en.eq(moves),
             reads.addr.eq(which),
             self.line.eq(reads.data),
             self.lane.eq(register(m, beat, lane, "beat_lane")),
             self.data.eq(register(m, beat, self.rdata, "beat")),
-            self.miss.eq(register(m, step, which, "step_miss")),
-            self.error.eq(register(m, step, wrong, "step_wrong")),
+            self.miss.eq(register(m, moves, which, "step_miss")),
+            self.error.eq(register(m, moves, outcome.wrong, "step_wrong")),
         ]
-        m.d.sync += [self.write.eq(beat & is_wanted), self.filled.eq(fills), self.ended.eq(ends)]
-        return m
+        m.d.sync += [
+            self.write.eq(beat & outcome.is_wanted),
+            self.filled.eq(outcome.fills),
+            self.ended.eq(outcome.ends),
+        ]

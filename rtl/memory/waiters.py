@@ -1,6 +1,9 @@
 """Requests that wait for the same block: a list for each miss, without searching (`rtl.memory.block_cache`)."""
 
-from amaranth import Module, Mux, Signal
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from amaranth import Module, Mux, Signal, Value
 from amaranth.lib import data, stream
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import Component, In, Out
@@ -12,6 +15,17 @@ from lightloom.rtl.fabric.queues import FreeList, PassingQueue, number_width
 def waiter(*, line_width: int, tag_width: int) -> data.StructLayout:
     """A request whose block is in a line, or whose read had an error; the `last` one that waits for this line."""
     return data.StructLayout({"line": line_width, "error": 1, "tag": tag_width, "last": 1})
+
+
+@dataclass(frozen=True)
+class _Head:
+    """The head of the next list: whether it is known, `taken` when it goes on its way, and what it is."""
+
+    known: Signal
+    taken: Signal
+    number: Value
+    line: Value
+    error: Value
 
 
 class Waiters(Component):
@@ -60,6 +74,13 @@ class Waiters(Component):
         m.submodules.entries = entries = Memory(shape=entry, depth=max(self.requests, 2), init=[])
         m.submodules.newest = newest = Memory(shape=self.number_width, depth=max(self.misses, 2), init=[])
 
+        newest_number = self._add(m, numbers, entries, newest)
+        head = self._begin(m, newest, newest_number)
+        self._walk(m, numbers, entries, head)
+        return m
+
+    def _add(self, m: Module, numbers: FreeList, entries: Memory, newest: Memory) -> Callable[[Value, Value], Value]:
+        """New requests to the lists. Returns what the newest number of a miss is, by the miss and what was read."""
         # Adding takes two cycles, so that the number of the miss, which comes late, has one for the look at the list.
         added = Signal()
         m.d.comb += [self.ready.eq(numbers.o.valid), numbers.o.ready.eq(self.add)]
@@ -81,13 +102,21 @@ class Waiters(Component):
             link.data.last.eq(register(m, self.add, self.first, "first_d1")),
         ]
 
+        def newest_number(of: Value, read: Value) -> Value:
+            """What was added a cycle ago is not to be read yet."""
+            return Mux(added & (miss == of), number, read)
+
+        return newest_number
+
+    def _begin(self, m: Module, newest: Memory, newest_number: Callable[[Value, Value], Value]) -> _Head:
+        """The head of the next list."""
         # The lists whose block has come, in that order. One may be here a cycle after `filled`, and what was added with
         # that is then on its way to the list: it is the newest.
         done = data.StructLayout({"miss": self.miss_width, "line": self.line_width, "error": 1, "list": 1, "ended": 1})
         m.submodules.lists = lists = PassingQueue(done, self.misses)
         head = newest.read_port(domain="comb")
-        begin = Signal()  # the head of the next list is known
-        taken = Signal()  # and is on its way
+        begin = Signal()
+        taken = Signal()
         load = Signal()
         next_list = lists.o.payload
         m.d.comb += [
@@ -106,11 +135,14 @@ class Waiters(Component):
         ]
         with m.If(lists.o.ready):
             m.d.sync += begin.eq(lists.o.valid & next_list.list)
-        head_number = Mux(added & (miss == next_list.miss), number, head.data)
+        head_number = newest_number(next_list.miss, head.data)
         begin_number = register(m, load, head_number, "begin_number")
         begin_line = register(m, load, next_list.line, "begin_line")
         begin_error = register(m, load, next_list.error, "begin_error")
+        return _Head(begin, taken, begin_number, begin_line, begin_error)
 
+    def _walk(self, m: Module, numbers: FreeList, entries: Memory, head: _Head) -> None:
+        """Answers along a list."""
         # Along a list: the RAM's output is the request that is answered, and names the one after it.
         walk = entries.read_port()
         ends = Signal()
@@ -119,21 +151,20 @@ class Waiters(Component):
         m.d.comb += [
             moves.eq(~self.o.valid | self.o.ready),
             ends.eq(~self.o.valid | walk.data.last),
-            taken.eq(begin & moves & ends),
+            head.taken.eq(head.known & moves & ends),
             following.eq(walk.data.older),
             walk.en.eq(moves),
             walk.addr.eq(following),
         ]
         with m.If(ends):
-            m.d.comb += following.eq(begin_number)
+            m.d.comb += following.eq(head.number)
         with m.If(moves):
-            m.d.sync += self.o.valid.eq(~ends | begin)
+            m.d.sync += self.o.valid.eq(~ends | head.known)
         m.d.comb += [
-            self.o.payload.line.eq(register(m, taken, begin_line, "line")),
-            self.o.payload.error.eq(register(m, taken, begin_error, "error")),
+            self.o.payload.line.eq(register(m, head.taken, head.line, "line")),
+            self.o.payload.error.eq(register(m, head.taken, head.error, "error")),
             self.o.payload.tag.eq(walk.data.tag),
             self.o.payload.last.eq(walk.data.last),
             numbers.i.valid.eq(self.o.valid & self.o.ready),
             numbers.i.payload.eq(register(m, moves, following, "walked")),
         ]
-        return m

@@ -2,6 +2,9 @@
 # (a unit is also made only to ask for its latency)
 """The leaf stage of a traversal unit: the triangles of a block against the ray that visits it."""
 
+from dataclasses import dataclass
+from typing import Any
+
 from amaranth import Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.memory import Memory
@@ -18,6 +21,28 @@ from lightloom.rtl.traversal.records import ERROR_BITS, Ports, beside_layout
 CORNER_BITS = 96
 TESTED = ("origin", "shear", "t_min", "axis", "flip", "cull")
 """The fields of LEAF_RAY that are operands of a test as they are."""
+
+
+@dataclass(frozen=True)
+class _Visit:
+    """A visit in front of the core: whether it is there, and one behind it; what it is, its block, its ray."""
+
+    there: Signal
+    held: Signal
+    arrived: Any
+    block: Any
+    ray: Any
+
+
+@dataclass(frozen=True)
+class _Chosen:
+    """A test, or a visit without one: its turn, which triangles are wanted, which one it is, what is wrong."""
+
+    turn: Signal
+    wanted: Signal
+    second: Signal
+    last: Signal
+    error: Signal
 
 
 class LeafStage(wiring.Component):
@@ -88,7 +113,7 @@ class LeafStage(wiring.Component):
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        m.submodules.ray_triangle = core = self._core
+        m.submodules.ray_triangle = self._core
         m.submodules.best_hits = best = self._best
         start = self.start.payload
         m.d.comb += best.start.valid.eq(self.start.valid)
@@ -98,28 +123,34 @@ class LeafStage(wiring.Component):
         wiring.connect(m, wiring.flipped(self.hit_read), best.hit_read)
         for k in range(2):
             wiring.connect(m, wiring.flipped(self.time_read[k]), best.time_read[k])
+        moves = Signal()
+        visit = self._visit(m, moves)
+        chosen = self._choose(m, visit, moves)
+        self._test(m, visit, chosen)
+        self._answer(m, visit, chosen)
+        return m
 
-        # A visit: its block, its ray and the best t, read in one cycle and put into registers in the next.
+    def _visit(self, m: Module, moves: Signal) -> _Visit:
+        """A visit: its block, its ray and the best t, read in one cycle and put into registers in the next."""
         kept = data.StructLayout({name: self._ray[name].shape for name in (*TESTED, "t_max", "mask", "any_hit")})
         m.submodules.rays = rays = Memory(shape=kept, depth=self._contexts, init=[])
         ray_write = rays.write_port()
         ray_read = rays.read_port()
         take = Signal()
-        moves = Signal()
         held = Signal()
         there = Signal()
         visit_layout = data.StructLayout({"context": self._context, "block": layout_of(TRIANGLE_BLOCK), "error": 1})
         arrived = Signal(visit_layout, reset_less=True)
         m.d.comb += [
             ray_write.en.eq(self.start.valid),
-            ray_write.addr.eq(start.context),
+            ray_write.addr.eq(self.start.payload.context),
             take.eq(self.i.valid & self.i.ready),
             ray_read.en.eq(take),
             ray_read.addr.eq(self.i.payload.context),
-            best.best_read.en.eq(take),
-            best.best_read.context.eq(self.i.payload.context),
+            self._best.best_read.en.eq(take),
+            self._best.best_read.context.eq(self.i.payload.context),
         ]
-        m.d.comb += [ray_write.data[name].eq(start[name]) for name in kept.members]
+        m.d.comb += [ray_write.data[name].eq(self.start.payload[name]) for name in kept.members]
         with m.If(take):
             m.d.sync += arrived.eq(self.i.payload)
         with m.If(self.i.ready):
@@ -128,11 +159,13 @@ class LeafStage(wiring.Component):
         ray = Signal(kept, reset_less=True)
         with m.If(moves):
             m.d.sync += [visit.eq(arrived), ray.eq(ray_read.data), there.eq(held)]
-            with m.If(best.best_read.found):
-                m.d.sync += ray.t_max.eq(best.best_read.t)
-        block = visit.block
+            with m.If(self._best.best_read.found):
+                m.d.sync += ray.t_max.eq(self._best.best_read.t)
+        return _Visit(there, held, visit, visit.block, ray)
 
-        # Which of its triangles are tested, and when. Without any, the visit still passes through, as one without test.
+    def _choose(self, m: Module, visit: _Visit, moves: Signal) -> _Chosen:
+        """Which of its triangles are tested, and when; without any it still passes through, as one without test."""
+        core, block, ray, there = self._core, visit.block, visit.ray, visit.there
         error = Signal(ERROR_BITS)
         wanted = Signal(2)
         first_passed = Signal()
@@ -143,7 +176,7 @@ class LeafStage(wiring.Component):
             # Its phase is that of the cycle in which it gets what goes on in this one.
             m.d.comb += core.phase.eq(~turn)
             m.d.sync += turn.eq(~turn)
-        with m.If(visit.error):
+        with m.If(visit.arrived.error):
             m.d.comb += error.eq(TRACE_ERRORS["memory"])
         with m.Elif((block.kind != TRIANGLES_KIND) | ~((block.count == 1) | (block.count == 2))):
             m.d.comb += error.eq(TRACE_ERRORS["kind"])
@@ -153,31 +186,37 @@ class LeafStage(wiring.Component):
             second.eq(first_passed | ~wanted[0]),
             last.eq(first_passed | ~wanted.all()),
             moves.eq(~there | (last & turn)),
-            self.i.ready.eq(~held | moves),
+            self.i.ready.eq(~visit.held | moves),
             self.test.eq(there & turn & wanted.any()),
             self.starved.eq(~there),
             self.stalled.eq(there & ~(turn & wanted.any())),
         ]
         with m.If(turn):
             m.d.sync += first_passed.eq(there & ~last)
+        return _Chosen(turn, wanted, second, last, error)
 
+    def _test(self, m: Module, visit: _Visit, chosen: _Chosen) -> None:
+        """The test that goes into the core."""
+        core, block, ray = self._core, visit.block, visit.ray
         test = Signal(core.i.shape(), reset_less=True)
         m.d.sync += [test[name].eq(ray[name]) for name in (*TESTED, "t_max")]
         corners = Value.cast(block.vertices)
         for k in range(3):
             other = corners.word_select(block.order[k], CORNER_BITS)
-            m.d.sync += test[f"v{k}"].eq(Mux(second, other, corners.word_select(k, CORNER_BITS)))
+            m.d.sync += test[f"v{k}"].eq(Mux(chosen.second, other, corners.word_select(k, CORNER_BITS)))
         m.d.comb += [core.en.eq(1), core.i.eq(test)]
 
-        # What travels beside the core, with a stage more before it and one after it.
-        valid, beside = there & turn, Signal(self._beside, name="beside0")
+    def _answer(self, m: Module, visit: _Visit, chosen: _Chosen) -> None:
+        """What travels beside the core, with a stage more before it and one after it; then both to the best hits."""
+        core, best, block = self._core, self._best, visit.block
+        valid, beside = visit.there & chosen.turn, Signal(self._beside, name="beside0")
         m.d.comb += [
-            beside.context.eq(visit.context),
-            beside.primitive.eq(Mux(second, block.primitive[1], block.primitive[0])),
-            beside.any_hit.eq(ray.any_hit),
-            beside.tested.eq(wanted.any()),
-            beside.last.eq(last),
-            beside.error.eq(error),
+            beside.context.eq(visit.arrived.context),
+            beside.primitive.eq(Mux(chosen.second, block.primitive[1], block.primitive[0])),
+            beside.any_hit.eq(visit.ray.any_hit),
+            beside.tested.eq(chosen.wanted.any()),
+            beside.last.eq(chosen.last),
+            beside.error.eq(chosen.error),
         ]
         for stage in range(core.latency + 2):
             if stage == core.latency:
@@ -190,4 +229,3 @@ class LeafStage(wiring.Component):
         m.d.sync += outcome.eq(core.o)
         m.d.comb += [best.result.valid.eq(valid), best.result.payload.data.eq(outcome)]
         m.d.comb += [best.result.payload[name].eq(beside[name]) for name in self._beside.members]
-        return m

@@ -6,6 +6,7 @@ import json
 import random
 import subprocess
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,11 @@ from lightloom.rtl.memory.block_answers import PATIENCE
 from lightloom.rtl.memory.block_cache import CALM, CROWD, BlockCache
 from lightloom.sim import toolchain, verilated
 from lightloom.sim.runner import BenchError, run_cocotb
+from lightloom.verif.drivers.axi_ports import AmaranthSlave
+from lightloom.verif.drivers.axi_slave import SLVERR, Wrong, hashed, wrong_ends
 from tests import ROOT
 from tests.gen.test_lint import WAIVERS, lint
-from tests.rtl.axi_slave import AxiSlave, Wrong, wrong_ends
+from tests.rtl.watched import watched
 from tests.simulators import SIMULATORS, needs_icarus
 
 SIM = ROOT / "sim"
@@ -157,7 +160,9 @@ class Run:
         **shape: int,
     ):
         self.cache = BlockCache(**({"sets": 4, "ways": 2, "misses": 8, "requests": 32, "tag_width": 12} | shape))
-        self.memory = AxiSlave(self.cache.m_axi, latency=latency, **({"seed": SEED} | (memory or {})))
+        self.dut, checker = watched(self.cache)
+        options = {"seed": SEED} | (memory or {})
+        self.memory = AmaranthSlave(self.cache.m_axi, checker=checker, latency=latency, **options)
         self.ticks = ticks
         self.prefetches = prefetches or {}
         self.prefetching: list[int] = []
@@ -173,7 +178,7 @@ class Run:
 
         None among the blocks is a cycle without a request.
         """
-        simulator = Simulator(self.cache)
+        simulator = Simulator(self.dut)
         simulator.add_clock(1e-6)
 
         async def testbench(ctx: Any) -> None:
@@ -235,7 +240,7 @@ class Run:
 
 
 def block_data(address: int) -> int:
-    return AxiSlave.word(address, 64)
+    return hashed(address, 64)
 
 
 def same_set(sets: int, count: int) -> list[int]:
@@ -302,8 +307,8 @@ def test_nothing_is_prefetched_where_requests_would_have_to_wait_for_it(short: d
 def test_a_prefetch_that_fails_is_no_answer() -> None:
     """The block is read again when it is asked for."""
     run = Run(latency=3, prefetches={1: 5})
-    run.memory.bad = {5 * 64}
-    run([], [5], between=lambda ctx, phase: run.memory.bad.clear())
+    run.memory.errors = {5 * 64: SLVERR}
+    run([], [5], between=lambda ctx, phase: run.memory.errors.clear())
     assert run.memory.reads == [5 * 64, 5 * 64]
     assert run.answers[0][1:] == (0, block_data(5 * 64))
 
@@ -339,7 +344,8 @@ def test_prefetches_start_while_few_reads_wait(waiting: int) -> None:
 def test_prefetches_whose_answers_wait_are_counted(misses: int) -> None:
     """Their blocks have come and their numbers are used again, but answers are not taken, so lists are not over."""
     cache = BlockCache(sets=4, ways=4, misses=misses, requests=32, tag_width=12)
-    memory = AxiSlave(cache.m_axi, latency=4, seed=SEED)
+    dut, checker = watched(cache)
+    memory = AmaranthSlave(cache.m_axi, checker=checker, latency=4, seed=SEED)
     prefetches = {60 + 25 * k: block for k, block in enumerate((2, 3, 5, 6, 7, 8, 9))}
 
     async def testbench(ctx: Any) -> None:
@@ -355,7 +361,7 @@ def test_prefetches_whose_answers_wait_are_counted(misses: int) -> None:
             assert asked or ctx.get(cache.prefetching) or not memory.under_way, f"cycle {cycle}"
             await ctx.tick()
 
-    simulator = Simulator(cache)
+    simulator = Simulator(dut)
     simulator.add_clock(1e-6)
     simulator.add_testbench(testbench)
     simulator.run()
@@ -459,11 +465,11 @@ def test_a_line_is_not_given_away_while_it_is_awaited() -> None:
 
 def test_errors_reach_all_that_wait_and_are_forgotten() -> None:
     run = Run(sets=4, ways=2, data_width=128)
-    run.memory.bad = {7 * 64 + 16}  # the second of four beats
+    run.memory.errors = {7 * 64 + 16: SLVERR}  # the second of four beats
 
     def mend(ctx: Any, phase: int) -> None:
         if phase == 1:
-            run.memory.bad = set()
+            run.memory.errors = {}
 
     run([7, 6, 7], [7], [7, 7], [7], between=mend)
     assert [run.answers[k][1] for k in range(7)] == [1, 0, 1, 1, 0, 0, 0]
@@ -575,7 +581,7 @@ def test_a_read_that_the_memory_does_not_accept_is_late_too() -> None:
     run = Run(latency=3, ticks=40, misses=2, memory={"stall": 1.0})
 
     def open_(ctx: Any, phase: int) -> None:
-        run.memory.stall = 0.0
+        run.memory.manner = replace(run.memory.manner, stall=0.0)
 
     run([7, 8], [9] * 3, list(range(10, 30)), between=open_)
     assert [run.answers[k][1] for k in range(2)] == [1, 1]

@@ -12,8 +12,10 @@ from lightloom.gen.verilog import convert
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import BVH_HEADER, BVH_MAGIC, BVH_VERSION, LOAD_ERRORS
 from lightloom.rtl.memory.header_reader import HeaderReader
+from lightloom.verif.drivers.axi_ports import AmaranthSlave
+from lightloom.verif.drivers.axi_slave import SLVERR, Wrong, wrong_ends
 from tests.gen.test_lint import WAIVERS, lint
-from tests.rtl.axi_slave import AxiSlave, Wrong, wrong_ends
+from tests.rtl.watched import watched
 
 BASE = 0x12_3456_7000
 GOOD = {
@@ -42,16 +44,6 @@ def header(**fields: Any) -> np.ndarray:
     return words
 
 
-class Memory(AxiSlave):
-    """The same block everywhere."""
-
-    words = header()
-
-    def word(self, address: int, lanes: int) -> int:  # type: ignore[override]
-        first = address % 64
-        return int.from_bytes(self.words.astype("<u4").tobytes()[first : first + lanes], "little")
-
-
 class Loads:
     """Loads headers one after another and notes what the reader says of each.
 
@@ -70,15 +62,23 @@ class Loads:
     ):
         self.ticks, self.pause = ticks, pause
         self.reader = HeaderReader(**({"width": 8, "stack": 24} | limits), data_width=data_width)
-        self.memory = Memory(self.reader.m_axi, latency=latency, stall=stall, seed=3)
+        self.dut, checker = watched(self.reader)
+        options: dict[str, Any] = {"latency": latency, "stall": stall, "seed": 3, "content": self.content}
+        self.memory = AmaranthSlave(self.reader.m_axi, checker=checker, **options)
+        self.words = header()
         self.seen: list[dict[str, Any]] = []
+
+    def content(self, address: int, size: int) -> int:
+        """The same block everywhere."""
+        first = address % 64
+        return int.from_bytes(self.words.astype("<u4").tobytes()[first : first + size], "little")
 
     def __call__(
         self, *headers: np.ndarray, bad: set[int] | None = None, bases: Sequence[int] = (), mend: int = -1
     ) -> list[dict[str, Any]]:
         """`bases`: where they are, else all at BASE. Behind the load of number `mend` the memory is right."""
         reader, memory = self.reader, self.memory
-        memory.bad = bad or set()
+        memory.errors = dict.fromkeys(bad or (), SLVERR)
 
         async def testbench(ctx: Any) -> None:
             assert not ctx.get(reader.loaded)
@@ -94,7 +94,7 @@ class Loads:
                 now += 1
 
             for number, words in enumerate(headers):
-                memory.words = words
+                self.words = words
                 for cycle in range(200):
                     # In the next cycle another base shows that it was taken with `load`.
                     ctx.set(reader.load, int(cycle == 0 or (cycle == 3 and ctx.get(reader.busy))))
@@ -113,7 +113,7 @@ class Loads:
                 seen["lattice_origin"] = [ctx.get(reader.lattice_origin[k]) for k in range(3)]
                 self.seen.append(seen | {"cycles": cycle})
 
-        simulator = Simulator(reader)
+        simulator = Simulator(self.dut)
         simulator.add_clock(1e-6)
         simulator.add_testbench(testbench)
         simulator.run()

@@ -35,10 +35,12 @@ from lightloom.rtl.traversal.masks import Counts, minus, one_hot, plus
 from lightloom.rtl.traversal.unit import COUNTERS, Traversal
 from lightloom.sim.emitted import emitted
 from lightloom.sim.traversal import TraversalRun, TraversalUnit
+from lightloom.verif.drivers.axi_ports import AmaranthSlave
+from lightloom.verif.drivers.axi_slave import Wrong
 from tests import ROOT
 from tests.gen.test_lint import WAIVERS, lint
 from tests.rtl.agreement import fields_in_hex
-from tests.rtl.axi_slave import AxiSlave, Wrong
+from tests.rtl.watched import watched
 
 SEED = 1987
 SMALL = PRESETS["tiny"].but(
@@ -338,14 +340,14 @@ def test_another_tree_while_rays_are_under_way() -> None:
     packed = [int.from_bytes(row.tobytes(), "little") for row in bitpack.pack(queries)]
     answers: dict[int, int] = {}
 
-    class Memory(AxiSlave):
-        @staticmethod
-        def word(address: int, lanes: int) -> int:
-            first = address - bases[0]
-            return int.from_bytes(image[first : first + lanes], "little")
+    dut, checker = watched(traversal)
+
+    def content(address: int, size: int) -> int:
+        first = address - bases[0]
+        return int.from_bytes(image[first : first + size], "little")
 
     async def bench(ctx: Any) -> None:
-        memory = Memory(traversal.m_axi, latency=20, seed=SEED)
+        memory = AmaranthSlave(traversal.m_axi, checker=checker, latency=20, seed=SEED, content=content)
         stalls = random.Random(SEED)
         sent = loads = 0
         ctx.set(traversal.overlap, 3)
@@ -369,7 +371,7 @@ def test_another_tree_while_rays_are_under_way() -> None:
                 answers[tag] = answer & (1 << bitpack.width(RAY_RESULT)) - 1
             await ctx.tick()
 
-    simulator = Simulator(traversal)
+    simulator = Simulator(dut)
     simulator.add_clock(1e-6)
     simulator.add_testbench(bench)
     simulator.run()
@@ -398,13 +400,13 @@ def test_a_load_waits_for_a_prefetch() -> None:
     beats = BLOCK_BYTES * 8 // SMALL.memory.axi_width
     late = Wrong(beats=beats, last=frozenset({beats - 1}), after=300)
 
-    class Memory(AxiSlave):
-        @staticmethod
-        def word(address: int, lanes: int) -> int:
-            return int.from_bytes(image[address : address + lanes], "little")
+    dut, checker = watched(traversal)
+
+    def content(address: int, size: int) -> int:
+        return int.from_bytes(image[address : address + size], "little")
 
     async def bench(ctx: Any) -> None:
-        memory = Memory(traversal.m_axi, latency=20, seed=SEED)
+        memory = AmaranthSlave(traversal.m_axi, checker=checker, latency=20, seed=SEED, content=content)
 
         async def step() -> None:
             memory.drive(ctx)
@@ -438,7 +440,7 @@ def test_a_load_waits_for_a_prefetch() -> None:
             await step()
         assert memory.under_way == 1, "the header is not all that is on its way"
 
-    simulator = Simulator(traversal)
+    simulator = Simulator(dut)
     simulator.add_clock(1e-6)
     simulator.add_testbench(bench)
     simulator.run()

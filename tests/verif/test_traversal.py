@@ -68,7 +68,7 @@ def broken(verilog: str, module: str, original: str, mutant: str) -> str:
         ("results", "<= i__valid", "<= i__valid | (o__valid & ray[0])", "stalled/run=5", "doubled tags"),
         ("results", "if (moves) o__valid <=", "o__valid <=", "stalled/run=5", "was withdrawn|result changed"),
         ("results", "= o__valid & o__ready", "= o__valid", "stalled/run=5", "result changed|hangs"),
-        ("arbiter.addresses", "if (moves) o__valid <=", "o__valid <=", "stalled/run=0", "arvalid was withdrawn"),
+        ("arbiter.addresses", "if (moves) o__valid <=", "o__valid <=", "stalled/run=0", "ar_withdrawn"),
         ("triangle_blocks.cache.lines", "invalidate ? ", "1'h0 ? ", "another_tree$", "(renumbered|soup) at .*differ"),
         ("loader", " & idle", "", "another_tree_while", "nothing is there|differ"),
         ("nodes", "block[63:32] <= visit", "block[63:32] < visit", "damaged_blocks/overlap=one", "own child.*differ"),

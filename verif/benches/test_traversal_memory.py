@@ -265,5 +265,6 @@ async def abort_while_bursts_are_wrong(dut: Any, ends: str) -> None:
             assert int(dut.aborting.value), "what is missing is not waited for"
         dut.read_timeout.value = TIMEOUT
         assert await abort > TIMEOUT
+        await bench.forget()
         bench.memory.wrong = {}
         await bench.check_sound(tree, f"round {round_}, after an abort in cycle {end}")

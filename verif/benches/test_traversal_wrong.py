@@ -5,12 +5,12 @@ from typing import Any
 
 import cocotb
 import numpy as np
-from cocotbext.axi import AxiResp
 
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import BLOCK_BYTES, TRACE_ERRORS
 from lightloom.golden_model.tracing.wide_bvh.encode import WideBvh
 from lightloom.verif.benches.traversal_bench import BASES, RENDERED, Bench, rays_of
+from lightloom.verif.drivers.axi_slave import DECERR, SLVERR
 from lightloom.verif.vectors.edited_trees import inner_nodes, leaf_bits, leaves_with, nodes_with, with_header
 
 # --- trees that are wrong ---------------------------------------------------------------------------------------------
@@ -58,7 +58,7 @@ async def memory_errors(dut: Any, overlap: str) -> None:
     await bench.start(overlap=overlap)
     tree = bench.tree("handful")
     kinds = {"nodes": inner_nodes(tree), "triangles": np.flatnonzero(tree.triangle_blocks).tolist(), "root": [1]}
-    for response in (AxiResp.SLVERR, AxiResp.DECERR):
+    for called, response in (("SLVERR", SLVERR), ("DECERR", DECERR)):
         for name, addresses in kinds.items():
             await bench.check_sound(tree, f"before {name}")
             queries = rays_of("handful", bench.few, bench.rng.getrandbits(16), RENDERED)
@@ -66,8 +66,8 @@ async def memory_errors(dut: Any, overlap: str) -> None:
             wrong = ((tree.blocks, address, (address,)) for address in addresses)
             _, bad, rays = bench.met_by_some(queries, tree, wrong)
             await bench.load(tree.blocks)  # what was read before is forgotten
-            bench.memory.errors = {BASES[0] + BLOCK_BYTES * bad: response}
-            await bench.check_failing(rays, tree, TRACE_ERRORS["memory"], bad, f"{response!r} for {name}")
+            bench.memory.fails(BASES[0] + BLOCK_BYTES * bad, response)
+            await bench.check_failing(rays, tree, TRACE_ERRORS["memory"], bad, f"{called} for {name}")
             bench.memory.errors = {}
             await bench.check(bench.traced(tree.blocks, rays.queries), f"{name}: a memory that is whole again")
 
@@ -85,7 +85,7 @@ async def a_tree_that_is_cut_short(dut: Any) -> None:
     wrong = nodes_with(longer, base=lambda address, _: count + 5)
     blocks, _, rays = bench.met_by_some(queries, tree, ((*each, ()) for each in wrong))
     for number in range(count, count + 100):
-        bench.memory.errors[BASES[0] + BLOCK_BYTES * number] = AxiResp.DECERR
+        bench.memory.fails(BASES[0] + BLOCK_BYTES * number, DECERR)
     await bench.load(blocks)
     assert set(rays.results["error"]) == {0, TRACE_ERRORS["memory"]}
     await bench.check(rays, "children beyond the end")
@@ -153,11 +153,11 @@ async def unusable_headers(dut: Any) -> None:
         assert bitpack.equal(rays.results, none.results).all()
         await bench.check(rays, name)
         assert bench.memory.bursts == bursts, "the memory was read for rays without a tree"
-    for response in (AxiResp.SLVERR, AxiResp.DECERR):
-        await bench.check_sound(tree, f"before {response!r}")
-        bench.memory.errors = {BASES[0]: response}
+    for called, response in (("SLVERR", SLVERR), ("DECERR", DECERR)):
+        await bench.check_sound(tree, f"before response {response}")
+        bench.memory.fails(BASES[0], response)
         await bench.load(tree.blocks, error="memory")
-        await bench.check(none, f"{response!r} for the header")
+        await bench.check(none, f"response {response} for the header")
         bench.memory.errors = {}
     await bench.check_sound(tree, "after all")
 

@@ -25,7 +25,8 @@ from lightloom.golden_model.tracing.wide_bvh.traversal import COUNTS, queries_of
 from lightloom.verif.benches.test_stream_unit import payloads
 from lightloom.verif.bins.coverage import StreamCycles, note
 from lightloom.verif.bins.traversal_bins import channel_groups, counter_groups, load_groups, memory_groups, ray_groups
-from lightloom.verif.drivers.axi_slave import AxiSlave, Manner
+from lightloom.verif.drivers.axi_ports import CocotbSlave
+from lightloom.verif.drivers.axi_slave import Manner
 from lightloom.verif.drivers.stream import Exchange, StreamDriver, pattern
 
 LOAD_CYCLES = 2000
@@ -136,10 +137,10 @@ class Bench:
         """`overlap`: "one" visit of a ray at a time, or as many as there can be."""
         dut = self.dut
         dut.load.value = dut.count_clear.value = dut.base.value = 0
-        dut.read_timeout.value = dut.abort.value = 0
+        dut.read_timeout.value = dut.abort.value = dut.axi_forget.value = 0
         dut.overlap.value = 1 if overlap == "one" else self.overlap
         dut.rst.value = 1
-        self.memory = AxiSlave(dut, "m_axi", rng=self.rng)
+        self.memory = CocotbSlave(dut, "m_axi", rng=self.rng)
         self.memory.manner = MEMORIES[memory]
         await self.streams.start()
 
@@ -221,6 +222,13 @@ class Bench:
         assert not any(seen), f"seed {self.seed}: {seen} behind an abort"
         await RisingEdge(dut.clk)
         return cycle
+
+    async def forget(self) -> None:
+        """Tells the checker that what the memory owes will not come: an abort has ended without it."""
+        self.dut.axi_forget.value = 1
+        await RisingEdge(self.dut.clk)
+        self.dut.axi_forget.value = 0
+        self.memory.keeps_rules = True
 
     def packed(self, rays: Rays) -> list[int]:
         """What the unit is offered for rays; their tags go on where those of the rays before ended."""

@@ -1,0 +1,83 @@
+# amaranth: UnusedElaboratable=no
+# (a checker that cannot be built is tried)
+"""The checker of AXI4 ports: silent while all rules are kept, and it names the rule that a fault breaks."""
+
+from typing import Any
+
+import pytest
+from amaranth import ClockDomain, Module
+from amaranth.sim import Simulator
+
+from lightloom.golden_model.contract.axi_rules import AXI_RULES, is_masters, rule_of
+from lightloom.rtl.memory.axi import Axi
+from lightloom.rtl.memory.axi_checker import AxiChecker
+from lightloom.verif.vectors.axi_faults import FAULTS
+from lightloom.verif.vectors.axi_traces import Cycle, Port, legal_trace
+
+SEED = 405
+
+
+def checker_of(port: Port) -> AxiChecker:
+    axi = Axi(address_width=port.address_width, data_width=port.data_width, id_width=port.id_width)
+    reads = 1 if port.blocks else port.reads
+    return AxiChecker(axi, blocks=port.blocks, reads=reads, writes=port.writes, ahead=port.ahead)
+
+
+def watched(port: Port, trace: list[Cycle]) -> list[tuple[str, str]]:
+    """For each cycle, which rules of the master and of the slave the checker has named up to then."""
+    domain = ClockDomain("sync")
+    dut = Module()
+    dut.domains += domain
+    dut.submodules.checker = checker = checker_of(port)
+    seen = []
+
+    async def testbench(ctx: Any) -> None:
+        for cycle in trace:
+            for name, value in cycle.items():
+                ctx.set(domain.rst if name == "rst" else getattr(checker.m_axi, name), value)
+            await ctx.tick()
+            seen.append((rule_of(ctx.get(checker.master_rule)), rule_of(ctx.get(checker.slave_rule))))
+
+    simulator = Simulator(dut)
+    simulator.add_clock(1e-6)
+    simulator.add_testbench(testbench)
+    simulator.run()
+    return seen
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("blocks", [True, False], ids=["blocks", "any bursts"])
+@pytest.mark.parametrize("data_width", [32, 128, 512])
+def test_no_rule_is_named_while_all_are_kept(data_width: int, blocks: bool, seed: int) -> None:
+    port = Port(blocks=blocks, data_width=data_width)
+    trace = legal_trace(port, SEED + seed, 1500)
+    moved = {
+        channel: sum(cycle[f"{channel}valid"] and cycle[f"{channel}ready"] for cycle in trace)
+        for channel in ("aw", "w", "b", "ar", "r")
+    }
+    assert min(moved.values()) > 15, moved
+    named = [(k, seen) for k, seen in enumerate(watched(port, trace)) if seen != ("", "")]
+    assert not named, f"seed {SEED + seed}: {named[0]}"
+
+
+def test_there_are_faults_for_every_rule() -> None:
+    assert {fault.rule for fault in FAULTS.values()} == set(AXI_RULES)
+    assert len(FAULTS) > 60
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_is_named(name: str) -> None:
+    fault = FAULTS[name]
+    trace, where = fault.trace(SEED)
+    seen = watched(fault.port(), trace)
+    assert set(seen[:where]) <= {("", "")}, f"seed {SEED}: before the fault"
+    side = 0 if is_masters(fault.rule) else 1
+    first = next((k for k, rules in enumerate(seen) if rules[side]), None)
+    assert first is not None, f"seed {SEED}: nothing is named; the fault is in cycle {where}"
+    assert seen[first][side] == rule_of(list(AXI_RULES).index(fault.rule) + 1), f"seed {SEED}, cycle {first}"
+
+
+@pytest.mark.parametrize("wrong", [{"reads": 3}, {"writes": 0}, {"ahead": 12}])
+def test_checkers_that_cannot_be_built(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=f"{next(iter(wrong))} must be a power of two"):
+        AxiChecker(Axi(address_width=40, data_width=128, id_width=2), **wrong)
