@@ -766,6 +766,22 @@ _FAULTS = (
         checks=("tests/rtl/test_block_requests.py",),
     ),
     Mutation(
+        name="nodes-do-not-wait",
+        file="rtl/traversal/unit.py",
+        old="parts.node_blocks.backlog | parts.triangle_blocks.backlog",
+        new="parts.triangle_blocks.backlog",
+        what="rays run ahead though visits of nodes wait",
+        checks=("tests/sim/test_traversal.py::test_hardly_a_visit_is_needless_where_a_test_is_busy",),
+    ),
+    Mutation(
+        name="triangles-do-not-wait",
+        file="rtl/traversal/unit.py",
+        old="parts.node_blocks.backlog | parts.triangle_blocks.backlog",
+        new="parts.node_blocks.backlog",
+        what="rays run ahead though visits of triangles wait",
+        checks=("tests/sim/test_traversal.py::test_hardly_a_visit_is_needless_where_a_test_is_busy",),
+    ),
+    Mutation(
         name="never-crowded",
         file=CACHE,
         old="self.crowded.eq(addresses.level >= CROWD)",

@@ -258,15 +258,34 @@ def test_stacks_that_are_read_and_written_all_the_time() -> None:
     assert not len(wrong), f"seed {SEED}: {len(wrong)} rays differ, the first is {queries[wrong[0]]}"
 
 
+def soup(count: int, size: float) -> np.ndarray:
+    """TRIANGLE (count,) in a cube; their corners lie so far from their centres."""
+    rng = np.random.default_rng(SEED)
+    triangles = np.zeros(count, TRIANGLE)
+    centre = rng.random((count, 3), np.float32)
+    for name in ("v0", "v1", "v2"):
+        triangles[name] = centre + rng.normal(scale=size, size=(count, 3)).astype(np.float32)
+    return triangles
+
+
+@pytest.mark.parametrize("busy", ["leaf_visits", "node_tests"])
+def test_hardly_a_visit_is_needless_where_a_test_is_busy(busy: str) -> None:
+    """What waits in front of the blocks of one test keeps rays from running ahead, though the other one has no work."""
+    triangles = load_scene("cornell-box").triangles if busy == "leaf_visits" else soup(5000, 0.01)
+    blocks = build_wide(triangles).blocks
+    queries = queries_of(diffuse_rays(triangles, 1500, SEED))
+    golden, counts = trace_tree(blocks, queries)
+    run = unit().run(blocks, queries, latency=20)
+    assert bitpack.equal(run.results, golden).all()
+    assert run.counters[busy] < 1.005 * counts[busy].sum()
+
+
 def test_visits_that_wait_keep_to_their_own_rays() -> None:
     """Triangles that overlap: nodes leave long lists, and while one is written, the node stage stops with visits of
     other rays in it, whose distances must stay theirs. Half of the rays are short, the others meet little."""
-    rng = np.random.default_rng(SEED)
-    triangles = np.zeros(600, TRIANGLE)
-    centre = rng.random((600, 3), np.float32)
-    for name in ("v0", "v1", "v2"):
-        triangles[name] = centre + rng.normal(scale=0.3, size=(600, 3)).astype(np.float32)
-    blocks = build_wide(triangles, masks=np.where(rng.random(600) < 0.06, 1, 2).astype(np.uint8)).blocks
+    triangles = soup(600, 0.3)
+    seen_by_long = np.random.default_rng(SEED + 1).random(len(triangles)) < 0.06
+    blocks = build_wide(triangles, masks=np.where(seen_by_long, 1, 2).astype(np.uint8)).blocks
     rays = diffuse_rays(triangles, 3000, SEED)
     short = np.arange(len(rays)) % 2 == 0
     rays["t_max"][short] = 0.05
