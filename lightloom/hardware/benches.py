@@ -10,6 +10,10 @@ from lightloom.sim.runner import run_bench
 from lightloom.verif.vectors.unit_vectors import unit_vectors
 
 SEED = 2024
+OPERANDS = 4000
+"""Of each test of a bench of streams."""
+RAYS = 3000
+"""Of the traversal unit's bench with all sides stalled."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +33,7 @@ def _streams(unit: str) -> UnitBench:
     """Of a unit whose results depend on its operands alone."""
 
     def run(folder: Path, config: Config, verilog: str | None, coverage: bool) -> int:
-        operands = unit_vectors(unit, 4000, SEED)
+        operands = unit_vectors(unit, OPERANDS, SEED)
         return run_bench(
             *(unit, "verilator"),
             operands=operands,
@@ -44,7 +48,7 @@ def _streams(unit: str) -> UnitBench:
 
 
 def _traversal(folder: Path, config: Config, verilog: str | None, coverage: bool) -> int:
-    return run_traversal_bench(folder, "verilator", config, rays=3000, verilog=verilog, coverage=coverage)
+    return run_traversal_bench(folder, "verilator", config, rays=RAYS, verilog=verilog, coverage=coverage)
 
 
 OWN = {"traversal": UnitBench(config=SMALL, called="small", run=_traversal)}

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from lightloom.gen.pages.coverage_page import coverage_page, percent
-from lightloom.hardware import coverage
+from lightloom.hardware import benches, coverage
 from tests.lightloom.conftest import Run
 
 UNIT = "float_compare"
@@ -16,7 +16,7 @@ UNIT = "float_compare"
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Enough for all of the smallest unit's bins."""
-    monkeypatch.setattr(coverage, "OPERANDS", 1000)
+    monkeypatch.setattr(benches, "OPERANDS", 1000)
     monkeypatch.setattr(coverage, "MANY", 2000)
 
 
