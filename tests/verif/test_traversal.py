@@ -71,7 +71,7 @@ def broken(verilog: str, module: str, original: str, mutant: str) -> str:
         ("arbiter.addresses", "if (moves) o__valid <=", "o__valid <=", "stalled/run=0", "ar_withdrawn"),
         ("triangle_blocks.cache.lines", "invalidate ? ", "1'h0 ? ", "another_tree$", "(renumbered|soup) at .*differ"),
         ("loader", " & idle", "", "another_tree_while", "nothing is there|differ"),
-        ("nodes", "block[63:32] <= visit", "block[63:32] < visit", "damaged_blocks/overlap=one", "own child.*differ|hangs"),
+        ("nodes", "block[63:32] <= visit", "block[63:32] < visit", "damaged_blocks/overlap=one", "hangs|child.*differ"),
         ("nodes", "> blocks", ">= blocks", "stalled/run=3", "results differ"),
         ("node_blocks.cache.fill", " | has_failed;", ";", "memory_errors/overlap=one", "SLVERR .*differ"),
     ],

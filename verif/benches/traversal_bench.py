@@ -1,4 +1,4 @@
-"""What the benches of the traversal unit share: scenes and rays, and the unit beside an AXI4 memory that answers late and wrong.
+"""What the benches of the traversal unit share: scenes and rays, and the unit beside a memory of ours.
 
 What is right is what the golden traversal says (`golden_model.tracing.wide_bvh.traversal`), in all bits, in whatever
 order rays come back. With one visit of a ray under way, the counters are the golden ones too.
