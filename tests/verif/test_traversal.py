@@ -63,7 +63,7 @@ def broken(verilog: str, module: str, original: str, mutant: str) -> str:
     ("module", "original", "mutant", "only", "message"),
     [
         ("node_blocks.cache.waiters", "first_d1 <= first;", "first_d1 <= 1'h1;", "stalled/run=0", "hangs"),
-        ("results", "= { status_read__data[13:0]", "= { ~status_read__data[13:0]", "stalled/run=5", "of no ray"),
+        ("results", "= { status_read__data[13:0]", "= { ~status_read__data[13:0]", "stalled/run=5", "of no request"),
         ("results", "= { status_read__data[13:0]", f"= {SWAPPED}", "stalled/run=5", "results differ"),
         ("results", "<= i__valid", "<= i__valid | (o__valid & ray[0])", "stalled/run=5", "doubled tags"),
         ("results", "if (moves) o__valid <=", "o__valid <=", "stalled/run=5", "was withdrawn|result changed"),

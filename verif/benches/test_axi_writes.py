@@ -5,20 +5,17 @@ read back through cocotbext-axi, which nobody here wrote. A byte outside the reg
 rule of AXI by the checker.
 """
 
-import json
-import os
-import random
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import cocotb
-from cocotb.clock import Clock
-from cocotb.triggers import ClockCycles, FallingEdge, RisingEdge
+from cocotb.triggers import FallingEdge, RisingEdge
 from cocotbext.axi import AxiMasterRead, AxiReadBus, AxiResp
 
-from lightloom.golden_model.contract.axi_rules import RULE_PORTS, rule_of
 from lightloom.golden_model.contract.formats import BLOCK_BYTES, WRITE_ERRORS
+from lightloom.verif.benches.bench import Bench
 from lightloom.verif.drivers.stream import HANG_CYCLES, pattern
 
 ADDRESS_BITS, BLOCK_BITS = 34, 512
@@ -58,24 +55,20 @@ CONTENT: dict[int, bytearray] = {}
 """What the regions hold, which stays from test to test; by the number of the writer."""
 
 
-class Bench:
-    """The system with its clock, its settings and both sides of its streams."""
+class WritesBench(Bench):
+    """The system with its settings and both sides of its streams."""
 
     def __init__(self, dut: Any) -> None:
-        run = json.loads(os.environ["LIGHTLOOM_BENCH"])
-        self.dut = dut
-        self.seed: int = run["seed"]
-        self.count: int = run["count"]
-        self.rng = random.Random(self.seed)
+        super().__init__(dut)
+        self.count: int = self.run["count"]
         self.writers = []
-        for number, (first, last) in enumerate(run["regions"]):
+        for number, (first, last) in enumerate(self.run["regions"]):
             region = range(first, last + 1)
             content = CONTENT.setdefault(number, bytearray(len(region)))
             self.writers.append(Writer(number, region, content))
         self.bad: range = range(0)
-        cocotb.log.info("axi_writes, %s", run)
 
-    async def start(self, **settings: int) -> None:
+    async def begin(self, **settings: int) -> None:
         """Resets everything; what `settings` do not name is as fast and plain as can be."""
         plain = {"latency": 0, "reorder": 0, "stall": 0, "write_error_enable": 0, "error_first": 0, "error_last": 0}
         plain |= {"abort": 0, "arvalid": 0, "rready": 0, "seed": self.rng.getrandbits(32)}
@@ -84,25 +77,10 @@ class Bench:
             plain |= {f"i{writer.number}__valid": 0, f"i{writer.number}__payload": 0}
             plain |= {f"base{writer.number}": writer.region.start, f"limit{writer.number}": writer.region.stop}
         self.dut.rst.value = 1
-        self.set(**(plain | settings))
-        Clock(self.dut.clk, 10, unit="ns").start()
         self.reader = AxiMasterRead(AxiReadBus.from_entity(self.dut), self.dut.clk, self.dut.rst)
         self.reader.log.setLevel("WARNING")
-        await self.reset()
+        await self.start(plain | settings)
         cocotb.start_soon(self._watch())
-
-    async def reset(self) -> None:
-        self.dut.rst.value = 1
-        await ClockCycles(self.dut.clk, 2)
-        self.dut.rst.value = 0
-        await RisingEdge(self.dut.clk)
-
-    def set(self, **values: int) -> None:
-        for name, value in values.items():
-            getattr(self.dut, name).value = value
-
-    def get(self, name: str) -> int:
-        return int(getattr(self.dut, name).value)
 
     async def _watch(self) -> None:
         """Fails in the cycle after the one in which a rule of AXI is broken, or a byte written outside."""
@@ -110,8 +88,7 @@ class Bench:
             await FallingEdge(self.dut.clk)
             if not self.get("rst"):
                 assert not self.get("violation"), f"seed {self.seed}: the memory says why"
-                for name in RULE_PORTS:
-                    assert not self.get(name), f"seed {self.seed}: {rule_of(self.get(name))}"
+                self.check_rules()
 
     def blocks(self, writer: Writer, count: int) -> list[Block]:
         """Whole ones, parts of some, and now and then the same one again."""
@@ -148,12 +125,8 @@ class Bench:
 
     async def idle(self, writer: Writer) -> None:
         """Waits until the writer says that all is written."""
-        await FallingEdge(self.dut.clk)
-        for _ in range(HANG_CYCLES):
-            if self.get(f"idle{writer.number}"):
-                return
-            await FallingEdge(self.dut.clk)
-        raise AssertionError(f"seed {self.seed}: writer {writer.number} is never idle")
+        idle = f"idle{writer.number}"
+        await self.until(lambda: bool(self.get(idle)), HANG_CYCLES, f"writer {writer.number} is not idle")
 
     async def written(self, writer: Writer) -> bytes:
         """The content of its region."""
@@ -193,9 +166,9 @@ MEMORIES = {
 )
 async def blocks_arrive(dut: Any, run: tuple[str, str, str]) -> None:
     """Both writers and all channels stall, answers come in any order: all blocks of both are there, whole."""
-    bench = Bench(dut)
+    bench = WritesBench(dut)
     *sides, memory = run
-    await bench.start(**MEMORIES[memory])
+    await bench.begin(**MEMORIES[memory])
     tasks = [
         cocotb.start_soon(bench.give(writer, bench.blocks(writer, bench.count), pattern(side, bench.rng)))
         for writer, side in zip(bench.writers, sides, strict=True)
@@ -213,8 +186,8 @@ async def blocks_arrive(dut: Any, run: tuple[str, str, str]) -> None:
 @cocotb.parametrize(memory=["far", "wild"])
 async def idle_is_a_fence(dut: Any, memory: str) -> None:
     """Whenever a writer is idle, all that it has taken can be read, whatever the other one does meanwhile."""
-    bench = Bench(dut)
-    await bench.start(**MEMORIES[memory])
+    bench = WritesBench(dut)
+    await bench.begin(**MEMORIES[memory])
     first, second = bench.writers
     other = cocotb.start_soon(bench.give(second, bench.blocks(second, 4 * bench.count), pattern("half", bench.rng)))
     for _ in range(12):
@@ -229,11 +202,11 @@ async def idle_is_a_fence(dut: Any, memory: str) -> None:
 @cocotb.test()
 async def errors_are_told(dut: Any) -> None:
     """Of several bad blocks the first one, until it is cleared; the others of both writers are written."""
-    bench = Bench(dut)
+    bench = WritesBench(dut)
     first, second = bench.writers
     bad = first.region.start + 5 * BLOCK_BYTES
     bench.bad = range(bad, bad + 2 * BLOCK_BYTES)
-    await bench.start(latency=20, write_error_enable=1, error_first=bad, error_last=bad + 2 * BLOCK_BYTES - 1)
+    await bench.begin(latency=20, write_error_enable=1, error_first=bad, error_last=bad + 2 * BLOCK_BYTES - 1)
     numbers = [1, 2, 6, 3, 5, 4, 6, 7]
     blocks = [Block(first.region.start + BLOCK_BYTES * k, bench.rng.getrandbits(512), WHOLE) for k in numbers]
     others = cocotb.start_soon(bench.give(second, bench.blocks(second, 20), pattern("half", bench.rng)))
@@ -244,9 +217,7 @@ async def errors_are_told(dut: Any) -> None:
         assert told == (WRITE_ERRORS["memory"], first.region.start // BLOCK_BYTES + expected)
         await bench.check(first)
         await RisingEdge(dut.clk)
-        dut.clear0.value = 1
-        await RisingEdge(dut.clk)
-        dut.clear0.value = 0
+        await bench.strobe("clear0")
         await FallingEdge(dut.clk)
         assert bench.get("error0") == WRITE_ERRORS["none"]
         await RisingEdge(dut.clk)
@@ -259,8 +230,8 @@ async def errors_are_told(dut: Any) -> None:
 @cocotb.test()
 async def nothing_is_written_outside(dut: Any) -> None:
     """Blocks beside the region, also those of the other writer's, are refused; the memory would flag them."""
-    bench = Bench(dut)
-    await bench.start(latency=10)
+    bench = WritesBench(dut)
+    await bench.begin(latency=10)
     first, second = bench.writers
     for writer, other in ((first, second), (second, first)):
         stray = [writer.region.start - BLOCK_BYTES, writer.region.stop, other.region.start, 0, (1 << 40) - BLOCK_BYTES]
@@ -271,35 +242,31 @@ async def nothing_is_written_outside(dut: Any) -> None:
             told = bench.get(f"error{writer.number}"), bench.get(f"error_block{writer.number}")
             assert told == (WRITE_ERRORS["outside"], address // BLOCK_BYTES)
             await RisingEdge(dut.clk)
-            bench.set(**{f"clear{writer.number}": 1})
-            await RisingEdge(dut.clk)
-            bench.set(**{f"clear{writer.number}": 0})
+            await bench.strobe(f"clear{writer.number}")
         await bench.check(writer)
     await bench.check(first)
+
+
+def aborted(bench: Bench) -> bool:
+    """The first writer's abort is over; until then it takes nothing."""
+    over = not bench.get("aborting0")
+    assert over or not bench.get("i0__ready"), "takes a block during an abort"
+    return over
 
 
 @cocotb.test()
 @cocotb.parametrize(memory=["far", "wild"])
 async def aborts_of_a_writer(dut: Any, memory: str) -> None:
     """At any time: what it took is written whole, nothing else, and the other writer does not notice."""
-    bench = Bench(dut)
-    await bench.start(**MEMORIES[memory])
+    bench = WritesBench(dut)
+    await bench.begin(**MEMORIES[memory])
     first, second = bench.writers
     other = cocotb.start_soon(bench.give(second, bench.blocks(second, 2 * bench.count), pattern("half", bench.rng)))
     for _ in range(8):
         cycles = bench.rng.randint(5, 60)
         await bench.give(first, bench.blocks(first, 200), pattern("always", bench.rng), until=cycles)
-        dut.abort0.value = 1
-        await RisingEdge(dut.clk)
-        dut.abort0.value = 0
-        for _ in range(HANG_CYCLES):
-            await FallingEdge(dut.clk)
-            if not bench.get("aborting0"):
-                break
-            assert not bench.get("i0__ready"), "takes a block during an abort"
-            await RisingEdge(dut.clk)
-        else:
-            raise AssertionError(f"seed {bench.seed}: an abort does not end")
+        await bench.strobe("abort0")
+        await bench.until(partial(aborted, bench), HANG_CYCLES, "an abort does not end")
         assert bench.get("idle0")
         await RisingEdge(dut.clk)
         await bench.check(first)
@@ -312,8 +279,8 @@ async def aborts_of_a_writer(dut: Any, memory: str) -> None:
 @cocotb.parametrize(memory=["far", "stalled", "wild"])
 async def aborts_of_the_arbiter(dut: Any, memory: str) -> None:
     """With both writers in reset: each beat of a block is written or not, none has anything else; then all goes on."""
-    bench = Bench(dut)
-    await bench.start(**MEMORIES[memory])
+    bench = WritesBench(dut)
+    await bench.begin(**MEMORIES[memory])
     cut = 0
     for _ in range(8):
         cycles = bench.rng.randint(10, 80)
@@ -323,16 +290,8 @@ async def aborts_of_the_arbiter(dut: Any, memory: str) -> None:
         ]
         for task in tasks:
             await task
-        dut.abort.value = 1
-        await RisingEdge(dut.clk)
-        dut.abort.value = 0
-        for _ in range(HANG_CYCLES):
-            await FallingEdge(dut.clk)
-            if not bench.get("aborting"):
-                break
-            await RisingEdge(dut.clk)
-        else:
-            raise AssertionError(f"seed {bench.seed}: an abort does not end")
+        await bench.strobe("abort")
+        await bench.until(lambda: not bench.get("aborting"), HANG_CYCLES, "an abort does not end")
         await RisingEdge(dut.clk)
         for writer in bench.writers:
             seen = await bench.written(writer)
@@ -376,8 +335,8 @@ def over(old: bytes, block: Block, offset: int) -> bytes:
 @cocotb.test()
 async def reset_in_flight(dut: Any) -> None:
     """A reset of all drops what is under way, and all works on as new."""
-    bench = Bench(dut)
-    await bench.start(latency=40, stall=50, reorder=64)
+    bench = WritesBench(dut)
+    await bench.begin(latency=40, stall=50, reorder=64)
     for writer in bench.writers:
         await bench.give(writer, bench.blocks(writer, 100), pattern("always", bench.rng), until=50)
     await bench.reset()

@@ -1,16 +1,11 @@
 """Bench of the leaf stage: many contexts, several visits of each in flight, and what can be read when they are done."""
 
-import json
-import os
-import random
 from collections import Counter, deque
 from dataclasses import dataclass, field
 from typing import Any
 
 import cocotb
 import numpy as np
-from cocotb.clock import Clock
-from cocotb.triggers import ClockCycles, FallingEdge
 
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import (
@@ -21,6 +16,7 @@ from lightloom.golden_model.contract.formats import (
     TRIANGLE_BLOCK,
     TRIANGLES_KIND,
 )
+from lightloom.verif.benches.bench import Bench
 from lightloom.verif.drivers.stream import pattern
 from lightloom.verif.vectors.leaf_vectors import Ray, Visit, leaf_scenario, payloads
 
@@ -44,7 +40,7 @@ class Context:
         return sum(self.waiting.values())
 
 
-class Bench:
+class LeafBench(Bench):
     """The stage with a control that keeps all contexts busy, checked in every cycle.
 
     Everything is driven and looked at on the falling edge: what is seen then follows from the rising edge before, and
@@ -52,31 +48,21 @@ class Bench:
     """
 
     def __init__(self, dut: Any) -> None:
-        run = json.loads(os.environ["LIGHTLOOM_BENCH"])
-        self.dut = dut
+        super().__init__(dut)
+        run = self.run
         self.contexts: int = run["contexts"]
         self.latency: int = run["latency"]
         self.interval: int = run["interval"]
         self.start_latency: int = run["start_latency"]
         self.rays: int = run["rays"]
-        self.seed: int = run["seed"]
-        self.rng = random.Random(self.seed)
         self.context_bits = len(dut.started__context)
         self.events: Counter[str] = Counter()
         self.cycle = 0
-        self.falling = FallingEdge(dut.clk)
-        cocotb.log.info("seed %d, %d rays in %d contexts", self.seed, self.rays, self.contexts)
 
-    async def start(self) -> None:
-        dut = self.dut
-        dut.rst.value = 1
+    async def begin(self) -> None:
         # The payloads stay unknown to the simulator until there is something to say.
-        dut.start__valid.value = 0
-        dut.i__valid.value = 0
-        Clock(dut.clk, 10, unit="ns").start()
-        await ClockCycles(dut.clk, 3)
+        await self.start({"start__valid": 0, "i__valid": 0})
         await self.falling
-        dut.rst.value = 0
 
     async def step(self) -> None:
         """To the next cycle; counts the events of the one that begins."""
@@ -116,9 +102,9 @@ class Bench:
             assert time == wanted_time, f"{where}: time {time:#x}, model {wanted_time:#x}"
 
 
-async def run(dut: object, overlap: int, give: str) -> Bench:
+async def run(dut: object, overlap: int, give: str) -> LeafBench:
     """All rays through the stage, up to `overlap` visits of each in flight, visits offered in the pattern `give`."""
-    bench = Bench(dut)
+    bench = LeafBench(dut)
     rng = bench.rng
     scenario = deque(leaf_scenario(bench.rays, bench.seed))
     contexts = [Context() for _ in range(bench.contexts)]
@@ -128,7 +114,7 @@ async def run(dut: object, overlap: int, give: str) -> Bench:
     asked: tuple[int, int] | None = None  # the context that was read, and after how many visits
     willing = pattern(give, rng)
     finished = idle = 0
-    await bench.start()
+    await bench.begin()
     while finished < bench.rays:
         await bench.step()
         idle += 1
@@ -228,7 +214,7 @@ def plain_ray() -> Ray:
     return Ray(payloads(ray)[0])
 
 
-async def begin_all(bench: Bench) -> None:
+async def begin_all(bench: LeafBench) -> None:
     """A plain ray in every context, begun in successive cycles; each is reported once, after `start_latency`."""
     ray, first = plain_ray(), bench.cycle + 1
     begun: list[int] = []
@@ -250,8 +236,8 @@ async def full_rate(dut: object, triangles: int) -> None:
     """Always offered a visit: a test every `interval` cycles, and each visit done after `latency`.
 
     A visit is taken while the one before it is tested, and waits for it."""
-    bench = Bench(dut)
-    await bench.start()
+    bench = LeafBench(dut)
+    await bench.begin()
     await begin_all(bench)
     bench.events.clear()
     count = 100
@@ -281,8 +267,8 @@ async def full_rate(dut: object, triangles: int) -> None:
 async def starts_while_all_tests_hit(dut: object) -> None:
     """A better hit with every test: where that leaves no room to work out where a ray starts, it waits, and then begins
     once."""
-    bench = Bench(dut)
-    await bench.start()
+    bench = LeafBench(dut)
+    await bench.begin()
     await begin_all(bench)
     tests, given, begun = 60, 0, []
     for k in range(tests * bench.interval + bench.latency + 40):
@@ -310,8 +296,8 @@ async def starts_while_all_tests_hit(dut: object) -> None:
 @cocotb.test()
 async def bad_blocks(dut: object) -> None:
     """What is no block of triangles, or came with an error, is reported and tests nothing."""
-    bench = Bench(dut)
-    await bench.start()
+    bench = LeafBench(dut)
+    await bench.begin()
     await begin_all(bench)
     bench.events.clear()
     cases = [(kind, 1, False) for kind in range(16)] + [(TRIANGLES_KIND, count, False) for count in range(4)]
@@ -338,8 +324,8 @@ async def bad_blocks(dut: object) -> None:
 @cocotb.test()
 async def reset_in_flight(dut: object) -> None:
     """A reset forgets starts and visits that are under way."""
-    bench = Bench(dut)
-    await bench.start()
+    bench = LeafBench(dut)
+    await bench.begin()
     await begin_all(bench)
     for k in range(bench.latency // 2):
         await bench.step()

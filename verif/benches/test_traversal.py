@@ -9,7 +9,7 @@ from cocotb.triggers import FallingEdge, RisingEdge
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import BLOCK_BYTES, TRIANGLE_BLOCK
 from lightloom.golden_model.stimuli.ray_families import RAY_FAMILIES
-from lightloom.verif.benches.traversal_bench import BASES, MEMORIES, RENDERED, Bench, rays_of
+from lightloom.verif.benches.traversal_bench import BASES, MEMORIES, RENDERED, TraversalBench, rays_of
 from lightloom.verif.drivers.axi_slave import Manner
 from lightloom.verif.vectors.edited_trees import edited, leaves_with
 
@@ -31,8 +31,8 @@ SHARES = {
 async def all_sides_stalled(dut: Any, run: tuple[str, str, str, str, str]) -> None:
     """Rays, results, addresses and data stall at random: every ray comes back once, with the golden result."""
     scene, memory, give, take, overlap = run
-    bench = Bench(dut)
-    await bench.start(memory=memory, overlap=overlap)
+    bench = TraversalBench(dut)
+    await bench.begin(memory=memory, overlap=overlap)
     tree = bench.tree(scene)
     await bench.load(tree.blocks)
     families = RENDERED if scene == "crowd" else tuple(RAY_FAMILIES)
@@ -48,8 +48,8 @@ async def all_sides_stalled(dut: Any, run: tuple[str, str, str, str, str]) -> No
 @cocotb.parametrize(memory=["near", "far"])
 async def nothing_stalled(dut: Any, memory: str) -> None:
     """Everybody is always willing, so that the unit itself is what holds rays up."""
-    bench = Bench(dut)
-    await bench.start(memory=memory)
+    bench = TraversalBench(dut)
+    await bench.begin(memory=memory)
     tree = bench.tree("cornell-box")
     await bench.load(tree.blocks)
     rays = bench.traced(tree.blocks, rays_of("cornell-box", 4 * bench.few, bench.seed, RENDERED))
@@ -61,8 +61,8 @@ async def nothing_stalled(dut: Any, memory: str) -> None:
 @cocotb.parametrize(closed=["results", "memory", "both"])
 async def one_side_closed(dut: Any, closed: str) -> None:
     """Nobody takes results, or the memory does not answer: the unit holds what it has, and then goes on with it."""
-    bench = Bench(dut)
-    await bench.start()
+    bench = TraversalBench(dut)
+    await bench.begin()
     tree = bench.tree("soup")
     await bench.load(tree.blocks)
     rays = bench.traced(tree.blocks, rays_of("soup", bench.contexts + 30, bench.seed, RENDERED))
@@ -84,8 +84,8 @@ async def one_side_closed(dut: Any, closed: str) -> None:
 @cocotb.test()
 async def all_wait_for_the_root(dut: Any) -> None:
     """All contexts visit the root at once and enter all boxes: stacks hold up the node stage, and that its cache."""
-    bench = Bench(dut)
-    await bench.start()
+    bench = TraversalBench(dut)
+    await bench.begin()
     tree = bench.tree("soup")
     await bench.load(tree.blocks)
     some = bench.traced(tree.blocks, rays_of("soup", 8 * bench.contexts, bench.seed))
@@ -97,7 +97,7 @@ async def all_wait_for_the_root(dut: Any) -> None:
     bench.memory.manner = MEMORIES["near"]
     after = await bench.exchange([], take="always", expected=len(rays))
     bench.assert_same(bench.answers(after.received, 0, len(rays)), rays, "root")
-    stalled = bench.counters(["node_stalled"])["node_stalled"]
+    stalled = bench.get("count_node_stalled")
     # Longer than the registers on both sides of the node stage hide it.
     assert stalled > 3, f"seed {bench.seed}: the node stage was held up for {stalled} cycles"
 
@@ -108,8 +108,8 @@ async def all_wait_for_the_root(dut: Any) -> None:
 @cocotb.test()
 async def another_tree(dut: Any) -> None:
     """Loaded at the same place and at another one: nothing of the tree before is left in the caches."""
-    bench = Bench(dut)
-    await bench.start()
+    bench = TraversalBench(dut)
+    await bench.begin()
     blocks = {scene: bench.tree(scene).blocks for scene in ("soup", "other", "triangle")}
     # The same nodes, so that the rays look for the same triangles; but these have other numbers.
     blocks["renumbered"] = blocks["soup"]
@@ -136,8 +136,8 @@ async def another_tree(dut: Any) -> None:
 @cocotb.test()
 async def another_tree_while_rays_are_under_way(dut: Any) -> None:
     """They are finished in the tree before; of several loads asked for in that time, the last one counts."""
-    bench = Bench(dut)
-    await bench.start(memory="wild")
+    bench = TraversalBench(dut)
+    await bench.begin(memory="wild")
     old, new = bench.tree("soup"), bench.tree("other")
     for round_ in range(3):
         await bench.load(old.blocks)
@@ -161,8 +161,8 @@ async def another_tree_while_rays_are_under_way(dut: Any) -> None:
 @cocotb.test()
 async def reset_in_flight(dut: Any) -> None:
     """A reset drops all rays and the tree; then the unit works as new."""
-    bench = Bench(dut)
-    await bench.start(memory="wild")
+    bench = TraversalBench(dut)
+    await bench.begin(memory="wild")
     tree = bench.tree("soup")
     for cycles in (40, 90, 250):
         await bench.load(tree.blocks)
@@ -171,7 +171,7 @@ async def reset_in_flight(dut: Any) -> None:
             bench.packed(rays), give="always", until=lambda cycle, cycles=cycles: cycle == cycles
         )
         assert len(seen.sent_at) > len(seen.received), "nothing is under way"
-        await bench.streams.reset()
+        await bench.reset()
         await FallingEdge(dut.clk)
         seen_now = [int(getattr(dut, name).value) for name in ("o__valid", "loaded", "load_error", "count_rays")]
         assert seen_now == [0, 0, 0, 0]

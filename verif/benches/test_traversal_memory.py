@@ -13,7 +13,7 @@ from cocotb.triggers import ClockCycles, FallingEdge, RisingEdge
 
 from lightloom.golden_model.contract.formats import BLOCK_BYTES, TRACE_ERRORS
 from lightloom.golden_model.tracing.wide_bvh.encode import WideBvh
-from lightloom.verif.benches.traversal_bench import BASES, MEMORIES, RENDERED, Bench, rays_of
+from lightloom.verif.benches.traversal_bench import BASES, MEMORIES, RENDERED, TraversalBench, rays_of
 from lightloom.verif.drivers.axi_slave import Manner, Wrong
 from lightloom.verif.vectors.edited_trees import with_header
 
@@ -36,7 +36,7 @@ def wrong_ends(beats: int, rng: random.Random) -> dict[str, tuple[Wrong, bool]]:
     return ends
 
 
-async def check_some_fail(bench: Bench, tree: WideBvh, queries: np.ndarray, what: str) -> int:
+async def check_some_fail(bench: TraversalBench, tree: WideBvh, queries: np.ndarray, what: str) -> int:
     """Each ray has the result of the tree, or the error; returns how many have that."""
     got = await bench.trace(bench.traced(tree.blocks, queries))
     failed = got["error"] != 0
@@ -46,11 +46,11 @@ async def check_some_fail(bench: Bench, tree: WideBvh, queries: np.ndarray, what
     return int(failed.sum())
 
 
-def some_rays(bench: Bench, count: int) -> np.ndarray:
+def some_rays(bench: TraversalBench, count: int) -> np.ndarray:
     return rays_of("handful", count, bench.rng.getrandbits(16), RENDERED)
 
 
-async def all_answered(bench: Bench) -> None:
+async def all_answered(bench: TraversalBench) -> None:
     """Waits until the memory has given all beats, and a little longer, until numbers are back."""
     while bench.memory.under_way:
         await RisingEdge(bench.dut.clk)
@@ -61,8 +61,8 @@ async def all_answered(bench: Bench) -> None:
 async def reads_that_end_wrongly(dut: Any) -> None:
     """Where the read is over in the end, the rays that meet the block fail, and no others; where it may not be, numbers
     are used up, and more of them may. An abort makes up for it."""
-    bench = Bench(dut)
-    await bench.start(overlap="one")
+    bench = TraversalBench(dut)
+    await bench.begin(overlap="one")
     tree = bench.tree("handful")
     beats = BLOCK_BYTES // bench.memory.lanes
     for name, (answer, over) in wrong_ends(beats, bench.rng).items():
@@ -87,8 +87,8 @@ async def reads_that_end_wrongly(dut: Any) -> None:
 @cocotb.parametrize(overlap=["one", "most"])
 async def late_reads(dut: Any, overlap: str) -> None:
     """Rays that wait for a read that takes too long fail; when it has come, it is nobody's, and all is well again."""
-    bench = Bench(dut)
-    await bench.start(overlap=overlap)
+    bench = TraversalBench(dut)
+    await bench.begin(overlap=overlap)
     dut.read_timeout.value = TIMEOUT
     tree = bench.tree("handful")
     beats = BLOCK_BYTES // bench.memory.lanes
@@ -111,8 +111,8 @@ async def late_reads(dut: Any, overlap: str) -> None:
 @cocotb.test()
 async def reads_that_never_end(dut: Any) -> None:
     """Of two blocks too few beats come, or none: no ray waits for ever, and none gets another block's data."""
-    bench = Bench(dut)
-    await bench.start()
+    bench = TraversalBench(dut)
+    await bench.begin()
     dut.read_timeout.value = TIMEOUT
     tree = bench.tree("handful")
     beats = BLOCK_BYTES // bench.memory.lanes
@@ -131,15 +131,15 @@ async def reads_that_never_end(dut: Any) -> None:
         assert set(got["error"]) == {0, MEMORY} or not sound.any()
         bench.assert_same(got[sound], bench.traced(tree.blocks, queries[sound]), f"{missing} beats missing")
         bench.memory.wrong = {}
-        await bench.streams.reset()
+        await bench.reset()
         await bench.check_sound(tree, "after a reset of all")
 
 
 @cocotb.test()
 async def headers_that_cannot_be_read(dut: Any) -> None:
     """Addresses that no tree can have are refused, without a read or with the header; so are late and wrong reads."""
-    bench = Bench(dut)
-    await bench.start()
+    bench = TraversalBench(dut)
+    await bench.begin()
     dut.read_timeout.value = TIMEOUT
     tree = bench.tree("handful")
     beats = BLOCK_BYTES // bench.memory.lanes
@@ -176,8 +176,8 @@ async def headers_that_cannot_be_read(dut: Any) -> None:
 @cocotb.parametrize(memory=["far", "wild"])
 async def abort_in_flight(dut: Any, memory: str) -> None:
     """At any time, with rays and reads under way: the reads are finished, and then all is as new."""
-    bench = Bench(dut)
-    await bench.start(memory=memory)
+    bench = TraversalBench(dut)
+    await bench.begin(memory=memory)
     tree = bench.tree("soup")
     for round_ in range(4):
         await bench.load(tree.blocks)
@@ -196,8 +196,8 @@ async def abort_in_flight(dut: Any, memory: str) -> None:
 @cocotb.test()
 async def abort_while_a_tree_is_loaded(dut: Any) -> None:
     """In every cycle of a load, from before its address is taken until behind its end; also of an idle unit."""
-    bench = Bench(dut)
-    await bench.start(memory="stalled")
+    bench = TraversalBench(dut)
+    await bench.begin(memory="stalled")
     tree = bench.tree("handful")
     bench.put(tree.blocks)
     for cycles in (0, 1, 2, 3, 4, 6, 8, 12, 20, 60):
@@ -214,8 +214,8 @@ async def abort_while_a_tree_is_loaded(dut: Any) -> None:
 async def abort_while_an_address_waits(dut: Any, timeout: int) -> None:
     """The memory takes no address: the one that is offered stays until it does, and no other follows. A timeout does
     not change that."""
-    bench = Bench(dut)
-    await bench.start(memory="near")
+    bench = TraversalBench(dut)
+    await bench.begin(memory="near")
     dut.read_timeout.value = timeout
     tree = bench.tree("soup")
     await bench.load(tree.blocks)
@@ -246,8 +246,8 @@ async def abort_while_an_address_waits(dut: Any, timeout: int) -> None:
 async def abort_while_bursts_are_wrong(dut: Any, ends: str) -> None:
     """Every block comes with too few beats, or none, or with too many. No count of beats says when that is over, but
     with a timeout all that comes comes before the end of the abort, and behind it all is well."""
-    bench = Bench(dut)
-    await bench.start(memory="far")
+    bench = TraversalBench(dut)
+    await bench.begin(memory="far")
     tree = bench.tree("soup")
     beats = BLOCK_BYTES // bench.memory.lanes
     for round_ in range(3):

@@ -9,7 +9,7 @@ import numpy as np
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import BLOCK_BYTES, TRACE_ERRORS
 from lightloom.golden_model.tracing.wide_bvh.encode import WideBvh
-from lightloom.verif.benches.traversal_bench import BASES, RENDERED, Bench, rays_of
+from lightloom.verif.benches.traversal_bench import BASES, RENDERED, TraversalBench, rays_of
 from lightloom.verif.drivers.axi_slave import DECERR, SLVERR
 from lightloom.verif.vectors.edited_trees import inner_nodes, leaf_bits, leaves_with, nodes_with, with_header
 
@@ -37,8 +37,8 @@ DAMAGES: dict[str, tuple[str, Callable[[WideBvh, int], Iterator[tuple[np.ndarray
 @cocotb.parametrize(overlap=["one", "most"])
 async def damaged_blocks(dut: Any, overlap: str) -> None:
     """A block that is wrong fails the rays that meet it, with its address, and no others; before and after, none."""
-    bench = Bench(dut)
-    await bench.start(overlap=overlap)
+    bench = TraversalBench(dut)
+    await bench.begin(overlap=overlap)
     tree = bench.tree("handful")
     for name, (error, trees) in DAMAGES.items():
         await bench.check_sound(tree, f"before {name}")
@@ -54,8 +54,8 @@ async def damaged_blocks(dut: Any, overlap: str) -> None:
 @cocotb.parametrize(overlap=["one", "most"])
 async def memory_errors(dut: Any, overlap: str) -> None:
     """SLVERR and DECERR for one block: as above; and when the memory is whole again, so is the tree, as it is."""
-    bench = Bench(dut)
-    await bench.start(overlap=overlap)
+    bench = TraversalBench(dut)
+    await bench.begin(overlap=overlap)
     tree = bench.tree("handful")
     kinds = {"nodes": inner_nodes(tree), "triangles": np.flatnonzero(tree.triangle_blocks).tolist(), "root": [1]}
     for called, response in (("SLVERR", SLVERR), ("DECERR", DECERR)):
@@ -75,8 +75,8 @@ async def memory_errors(dut: Any, overlap: str) -> None:
 @cocotb.test()
 async def a_tree_that_is_cut_short(dut: Any) -> None:
     """A header that promises more blocks than there are, and a node whose children would be there: memory errors."""
-    bench = Bench(dut)
-    await bench.start(overlap="one")
+    bench = TraversalBench(dut)
+    await bench.begin(overlap="one")
     tree = bench.tree("handful")
     await bench.check_sound(tree, "before")
     count = len(tree.blocks)
@@ -96,8 +96,8 @@ async def a_tree_that_is_cut_short(dut: Any) -> None:
 @cocotb.parametrize(overlap=["one", "most"])
 async def too_few_levels(dut: Any, overlap: str) -> None:
     """A tree deeper than its header says may fill the stack: such rays fail, the others are right."""
-    bench = Bench(dut)
-    await bench.start(overlap=overlap)
+    bench = TraversalBench(dut)
+    await bench.begin(overlap=overlap)
     tree = bench.tree("soup")
     await bench.load(with_header(tree.blocks, levels=1))
     rays = bench.traced(with_header(tree.blocks, levels=1), rays_of("soup", 4 * bench.few, bench.seed))
@@ -115,7 +115,7 @@ async def too_few_levels(dut: Any, overlap: str) -> None:
     await bench.check_sound(tree, "after")
 
 
-HEADERS: dict[str, tuple[str, Callable[[Bench], dict[str, int]]]] = {
+HEADERS: dict[str, tuple[str, Callable[[TraversalBench], dict[str, int]]]] = {
     "magic": ("magic", lambda bench: {"magic": 1}),
     "version": ("version", lambda bench: {"version": 2}),
     "check": ("check", lambda bench: {"check": bench.rng.getrandbits(32) | 1}),
@@ -132,8 +132,8 @@ HEADERS: dict[str, tuple[str, Callable[[Bench], dict[str, int]]]] = {
 @cocotb.test()
 async def unusable_headers(dut: Any) -> None:
     """Without a tree, and with one that is refused, all rays fail, until a good one is loaded; then none."""
-    bench = Bench(dut)
-    await bench.start()
+    bench = TraversalBench(dut)
+    await bench.begin()
     tree = bench.tree("handful")
     queries = rays_of("handful", bench.few, bench.seed)
     queries["direction"][0] = 0
@@ -165,8 +165,8 @@ async def unusable_headers(dut: Any) -> None:
 @cocotb.test()
 async def root_of_another_kind(dut: Any) -> None:
     """A root that is a block of triangles: every ray that is traversed fails there."""
-    bench = Bench(dut)
-    await bench.start(overlap="one")
+    bench = TraversalBench(dut)
+    await bench.begin(overlap="one")
     tree = bench.tree("handful")
     root = int(np.flatnonzero(tree.triangle_blocks)[0])
     blocks = with_header(tree.blocks, root=root)
@@ -205,8 +205,8 @@ FAULTS: dict[str, tuple[bool, dict[str, Any]]] = {
 @cocotb.test()
 async def rays_that_cannot_hit(dut: Any) -> None:
     """Each among good rays: a miss without a visit, flagged where it is invalid; the others are right."""
-    bench = Bench(dut)
-    await bench.start(overlap="one")
+    bench = TraversalBench(dut)
+    await bench.begin(overlap="one")
     tree = bench.tree("handful")
     await bench.load(tree.blocks)
     queries = rays_of("handful", 2 * len(FAULTS), bench.seed, RENDERED)

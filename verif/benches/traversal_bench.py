@@ -5,9 +5,6 @@ order rays come back. With one visit of a ray under way, the counters are the go
 """
 
 import functools
-import json
-import os
-import random
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -22,12 +19,12 @@ from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.stimuli.ray_families import RAY_FAMILIES
 from lightloom.golden_model.tracing.wide_bvh.encode import WideBvh, build_wide
 from lightloom.golden_model.tracing.wide_bvh.traversal import COUNTS, queries_of, trace_tree
+from lightloom.verif.benches.bench import Bench
 from lightloom.verif.benches.test_stream_unit import payloads
 from lightloom.verif.bins.coverage import StreamCycles, note
 from lightloom.verif.bins.traversal_bins import channel_groups, counter_groups, load_groups, memory_groups, ray_groups
-from lightloom.verif.drivers.axi_ports import CocotbSlave
 from lightloom.verif.drivers.axi_slave import Manner
-from lightloom.verif.drivers.stream import Exchange, StreamDriver, pattern
+from lightloom.verif.drivers.stream import Exchange
 
 LOAD_CYCLES = 2000
 """Cycles after which a tree must have been loaded or refused."""
@@ -106,13 +103,12 @@ class Rays:
         return Rays(self.queries[which], self.results[which], self.counts[which])
 
 
-class Bench:
+class TraversalBench(Bench):
     """The unit with its memory, and the tree that is loaded."""
 
     def __init__(self, dut: Any) -> None:
-        run = json.loads(os.environ["LIGHTLOOM_BENCH"])
-        self.dut = dut
-        self.seed: int = run["seed"]
+        super().__init__(dut)
+        run = self.run
         self.rays: int = run["rays"]
         self.few: int = run["few"]
         self.patience: int = run["patience"]
@@ -125,24 +121,15 @@ class Bench:
         self.addresses: int = run["units"] + (2 if run["units"] > 1 else 0)
         """That may wait when an abort comes: one that each unit offers, and two in the buffer of an array's port."""
         self.tag_width = len(dut.i__payload) - bitpack.width(RAY_QUERY)
-        self.rng = random.Random(self.seed)
-        self.streams = StreamDriver(dut)
         self.number = 0
         """Rays so far: their numbers are their tags."""
         self.blocks = build_wide(triangles_of("empty")).blocks
         """The tree that was loaded last."""
-        cocotb.log.info("traversal, %s", run)
 
-    async def start(self, *, overlap: str = "most", memory: str = "brisk") -> None:
+    async def begin(self, *, overlap: str = "most", memory: str = "brisk") -> None:
         """`overlap`: "one" visit of a ray at a time, or as many as there can be."""
-        dut = self.dut
-        dut.load.value = dut.count_clear.value = dut.base.value = 0
-        dut.read_timeout.value = dut.abort.value = dut.axi_forget.value = 0
-        dut.overlap.value = 1 if overlap == "one" else self.overlap
-        dut.rst.value = 1
-        self.memory = CocotbSlave(dut, "m_axi", rng=self.rng)
-        self.memory.manner = MEMORIES[memory]
-        await self.streams.start()
+        quiet = dict.fromkeys(("load", "count_clear", "base", "read_timeout", "abort", "axi_forget"), 0)
+        await self.start(quiet | {"overlap": 1 if overlap == "one" else self.overlap}, MEMORIES[memory])
 
     def tree(self, scene: str) -> WideBvh:
         triangles = triangles_of(scene)
@@ -239,14 +226,8 @@ class Bench:
     def answers(self, received: list[int], first: int, count: int) -> np.ndarray:
         """Results to RAY_RESULT (count,) in the order of the rays from number `first` on: exactly one each."""
         width = bitpack.width(RAY_RESULT)
-        tags = [payload >> width for payload in received]
         expected = [number % (1 << self.tag_width) for number in range(first, first + count)]
-        where = f"seed {self.seed}"
-        assert len(set(tags)) == len(tags), f"{where}: doubled tags {sorted(t for t in tags if tags.count(t) > 1)[:9]}"
-        strange, lost = set(tags) - set(expected), set(expected) - set(tags)
-        assert not strange, f"{where}: tags of no ray {sorted(strange)[:9]}"
-        assert not lost, f"{where}: lost tags {sorted(lost)[:9]}"
-        by_tag = dict(zip(tags, received, strict=True))
+        by_tag = self.by_tag(received, lambda payload: payload >> width, expected)
         rows = b"".join(
             (by_tag[tag] & (1 << width) - 1).to_bytes(4 * bitpack.words(RAY_RESULT), "little") for tag in expected
         )
@@ -263,10 +244,8 @@ class Bench:
             f"result {seen:#x}, model {model:#x}; {got[k][0]}, model {rays.results[k][0]}"
         )
 
-    async def exchange(self, offered: list[int], give: str = "half", take: str = "half", **options: Any) -> Exchange:
-        patterns = pattern(give, self.rng), pattern(take, self.rng)
-        options |= {"patience": self.patience, "linger": LINGER}
-        return await self.streams.exchange(offered, give=patterns[0], take=patterns[1], **options)
+    async def exchange(self, payloads: list[int], give: str = "half", take: str = "half", **options: Any) -> Exchange:
+        return await super().exchange(payloads, give, take, patience=self.patience, linger=LINGER, **options)
 
     async def trace(self, rays: Rays, give: str = "half", take: str = "half") -> np.ndarray:
         """Rays through the unit to RAY_RESULT (N,): exactly one result each."""
@@ -290,16 +269,12 @@ class Bench:
         await self.clear_counters()
         beats = self.memory.beats
         self.assert_same(await self.trace(rays, give, take), rays, what)
-        seen = self.counters()
         expected = {"rays": len(rays), "beats": self.memory.beats - beats}
         if int(self.dut.overlap.value) == 1:
             expected |= {"errors": int((rays.results["error"] != 0).sum())}
             expected |= {name: int(rays.counts[name].sum()) for name in COUNTS.names or ()}
-        assert {name: seen[name] for name in expected} == expected, f"{what}, seed {self.seed}"
-        note(lambda: counter_groups(self.counters(self.counted), self.lines))
-
-    def counters(self, names: Iterable[str] = ("rays", "errors", "beats", *(COUNTS.names or ()))) -> dict[str, int]:
-        return {name: int(getattr(self.dut, f"count_{name}").value) for name in names}
+        assert self.counters(expected, "count_") == expected, f"{what}, seed {self.seed}"
+        note(lambda: counter_groups(self.counters(self.counted, "count_"), self.lines))
 
     async def check_sound(self, tree: WideBvh, what: str) -> None:
         """Loads a good tree, and a few rays through it."""

@@ -5,8 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from cocotb.clock import Clock
-from cocotb.triggers import ClockCycles, FallingEdge, RisingEdge
+from cocotb.triggers import FallingEdge, RisingEdge
 
 from lightloom.verif.bins.coverage import StreamCycles, note
 
@@ -38,26 +37,17 @@ class Exchange:
 
 
 class StreamDriver:
-    """The two streams of a unit under test, with the clock and the reset."""
+    """The two streams of a unit under test, `i` and `o`."""
 
     def __init__(self, dut: Any):
         self.dut = dut
         self._rising, self._falling = RisingEdge(dut.clk), FallingEdge(dut.clk)
 
-    async def start(self) -> None:
-        """Starts the clock and resets the unit."""
+    def rest(self) -> None:
+        """Nothing is offered, and nothing taken."""
         self.dut.i__valid.value = 0
         self.dut.i__payload.value = 0
         self.dut.o__ready.value = 0
-        self.dut.rst.value = 1
-        Clock(self.dut.clk, 10, unit="ns").start()
-        await self.reset()
-
-    async def reset(self) -> None:
-        self.dut.i__valid.value = 0
-        self.dut.rst.value = 1
-        await ClockCycles(self.dut.clk, 2)
-        self.dut.rst.value = 0
 
     async def exchange(
         self,
