@@ -10,7 +10,7 @@ DRAGON  := build/meshes/dragon.ply
 WORKERS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help setup simulators meshes demo test lint test-long test-operators prove coverage bench results emit clean distclean
+.PHONY: help setup simulators meshes demo test tests lint test-long test-operators prove coverage bench results emit clean distclean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -36,9 +36,13 @@ $(DRAGON): | $(READY)
 demo: setup ## render the Cornell box, replay its triangle tests through the Verilog, write build/demo/
 	$(BIN)/lightloom demo --out build/demo
 
+# Types take one core for a minute, and so do not go before the tests, but beside them.
+test: setup ## lint, types and all tests but the long ones
+	@$(MAKE) --no-print-directory --jobs 2 lint tests
+
 # Each worker begins with a stretch of files of its own, so that what the tests of a file share is made once; who is done
 # takes from the other's.
-test: setup lint ## lint, types and all tests but the long ones
+tests: setup
 	$(BIN)/pytest -n $(WORKERS) --dist worksteal -m "not long"
 
 lint: $(READY) ## ruff (lint and format) and mypy
