@@ -10,7 +10,7 @@ from lightloom.sim.run_traversal_bench import SMALL, TAGS, run_traversal_bench
 from lightloom.sim.runner import BenchError
 from tests.simulators import SIMULATORS, needs_icarus
 
-TESTS = 39
+TESTS = 40
 BASE = PRESETS["base"].but(tag_width=TAGS)
 
 

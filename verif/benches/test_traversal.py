@@ -102,6 +102,42 @@ async def all_wait_for_the_root(dut: Any) -> None:
     assert stalled > 3, f"seed {bench.seed}: the node stage was held up for {stalled} cycles"
 
 
+@cocotb.test()
+async def what_the_caches_count(dut: Any) -> None:
+    """A ray by itself misses all blocks, then finds them; many at once wait for what one of them has asked for."""
+    bench = TraversalBench(dut)
+    await bench.begin(overlap="one", memory="near")
+    tree = bench.tree("handful")
+    some = bench.traced(tree.blocks, rays_of("handful", 8 * bench.contexts, bench.seed))
+    # One for whose blocks the caches have room, whatever their sets are.
+    fits = (some.counts["leaf_visits"] > 1) & (some.counts["node_tests"] > 2)
+    least = np.argmin(np.where(fits, some.counts["node_tests"], 1000))
+    nodes, triangles = (int(some.counts[name][least]) for name in ("node_tests", "leaf_visits"))
+    assert fits.any()
+
+    async def counted(copies: int) -> tuple[dict[str, int], int]:
+        """The counters of both caches after so many rays at once, and how many blocks of nodes were read."""
+        await bench.clear_counters()
+        first = len(bench.memory.reads)
+        await bench.trace(some.only(np.full(copies, least)), "always", "always")
+        read = (np.array(bench.memory.reads[first:], dtype=np.int64) - BASES[0]) // BLOCK_BYTES
+        names = [f"{cache}_{what}" for cache in ("node", "triangle") for what in ("hits", "misses", "merged")]
+        return bench.counters(names, "count_"), int((~tree.triangle_blocks[read]).sum())
+
+    await bench.load(tree.blocks)
+    seen, read = await counted(1)
+    assert (seen["node_misses"], seen["node_hits"], seen["node_merged"]) == (read, nodes - read, 0)
+    assert seen["triangle_misses"] + seen["triangle_merged"] > 0
+    seen, _ = await counted(1)
+    assert seen == dict.fromkeys(seen, 0) | {"node_hits": nodes, "triangle_hits": triangles}
+    await bench.load(tree.blocks)
+    bench.memory.manner = MEMORIES["far"]
+    seen, again = await counted(bench.contexts)
+    assert (again, seen["node_misses"]) == (read, read)
+    assert seen["node_merged"] >= bench.contexts - 1, "all others wait for the root"
+    assert sum(seen[f"node_{what}"] for what in ("hits", "misses", "merged")) == nodes * bench.contexts
+
+
 # --- other trees ------------------------------------------------------------------------------------------------------
 
 
