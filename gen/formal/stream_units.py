@@ -31,7 +31,8 @@ class FreeCore(Core):
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        m.d.comb += Value.cast(self.o).eq(register(m, self.en, self.free, "result"))
+        result = register(m, self.en, self.free, "result") if self.latency else self.free
+        m.d.comb += Value.cast(self.o).eq(result)
         return m
 
 
@@ -43,10 +44,11 @@ def of_unit(unit: str, config: Config) -> Bench:
 
 def handshake(unit: str, latency: int, interval: int, tag_width: int) -> Bench:
     """The stream wrapper as it is, around a free core."""
-    assert latency > 0
     free = FreeCore(unit, latency, interval)
     component = StreamUnit(free, tag_width)
     bench = Bench(component)
+    if latency == 0:
+        return _without_registers(bench, free, component)
     m, i, o = bench.m, component.i, component.o
     m.d.comb += free.free.eq(bench.any("result", len(free.free)))
     held(bench, "o", o.valid, o.ready, o.payload)
@@ -103,7 +105,18 @@ def handshake(unit: str, latency: int, interval: int, tag_width: int) -> Bench:
     return bench
 
 
-WRAPPED = [(1, 2), (2, 2), (5, 8), (8, 8), (9, 8), (9, 3), (20, 32), (54, 8), (58, 32)]
+def _without_registers(bench: Bench, free: FreeCore, component: StreamUnit) -> Bench:
+    """Of latency 0: the two streams are one."""
+    i, o = component.i, component.o
+    bench.m.d.comb += free.free.eq(bench.any("result", len(free.free)))
+    bench.require("offered_as_in", o.valid == i.valid)
+    bench.require("taken_as_out", i.ready == o.ready)
+    bench.require("its_tag", o.payload.tag == i.payload.tag)
+    bench.reach("one_leaves", o.valid & o.ready)
+    return bench
+
+
+WRAPPED = [(0, 1), (1, 2), (2, 2), (5, 8), (8, 8), (9, 8), (9, 3), (20, 32), (54, 8), (58, 32)]
 """Latencies and intervals of which no unit is: below, at and above whole intervals; of ray_triangle's graph."""
 
 
