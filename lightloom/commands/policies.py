@@ -1,13 +1,13 @@
 """`lightloom policies`."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from lightloom.golden_model.host.errors import warn
+from lightloom.golden_model.host.errors import InputError, warn
 from lightloom.shared.inputs import (
     at_least,
     choose,
@@ -23,7 +23,6 @@ from lightloom.shared.options import (
     Folder,
     Json,
     LightSamples,
-    Scene,
     Seed,
     Traversal,
     command,
@@ -35,13 +34,31 @@ if TYPE_CHECKING:
 
 FRAMES, SIZE, BUDGET = 48, (320, 214), 20_000
 """Where neither the options nor the scene say anything."""
+SUITE_POLICIES = ("round-robin", "visibility", "influence")
+"""What the suite compares, unless told: what a default has to beat, and the default."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PoliciesOptions:
     """The options, in the order of the help text."""
 
-    scene: Scene
+    scene: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="SCENE",
+            help="`cornell-box`, or the path of an .obj, .ply, .glb, .gltf or .toml file; none with --suite.",
+            show_default=False,
+        ),
+    ] = None
+    suite: Annotated[
+        bool,
+        typer.Option("--suite", help="Instead of a scene all layouts of the suite, at two budgets each."),
+    ] = False
+    layouts: Annotated[
+        str | None, typer.Option("--layouts", metavar="A,B", help="Of the suite only these, by name.")
+    ] = None
+    seeds: Annotated[int, typer.Option("--seeds", metavar="N", help="Of the suite so many seeds, from 0 on.")] = 3
+    jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Cases of the suite at a time.")] = 2
     names: Annotated[
         str | None,
         typer.Option("--policies", metavar="A,B", help="Policies by name, each compared with the first; else all."),
@@ -106,13 +123,19 @@ def policies(options: PoliciesOptions) -> None:
       film.webp       the first and the last policy, and their errors
       frames/NNNN/    pictures and errors of each policy     maps/NNNN/   what the last policy knows of the texels
 
+    With --suite, DIR has a table of all layouts, the worst first (index.html, suite.json, suite.md), and what is above
+    for each case in cases/NAME. What an interrupted run had done is kept there, and taken by the next one.
+
     \b
     Examples:
       lightloom policies cornell-box
       lightloom policies scenes/bunny.toml --frames 24 --budget 40000 --size 480x320
+      lightloom policies --suite --out build/suite
       lightloom policies room.toml --policies round-robin,influence --key-frames 11,12,20 --out build/room
     """
     _check(options)
+    if options.suite:
+        return _suite(options)
 
     from lightloom.golden_model.charts.curved import default_cache
     from lightloom.golden_model.charts.unwrap import unwrap
@@ -123,7 +146,7 @@ def policies(options: PoliciesOptions) -> None:
     from lightloom.policies.comparison import write_comparison
     from lightloom.shared.console import Progress, print_json
 
-    scene = load_scene(options.scene)
+    scene = load_scene(_scene_of(options))
     require_light(scene)  # before the charts, which may take a while
     comparison = _comparison(options, scene.render)
     comparison.sampling.require(comparison.budget, scene)
@@ -140,6 +163,59 @@ def policies(options: PoliciesOptions) -> None:
         print(f"Written to {options.out / 'index.html'}")
 
 
+def _scene_of(options: PoliciesOptions) -> str:
+    if options.scene is None:
+        raise InputError("SCENE is missing; give one, such as cornell-box, or --suite")
+    return options.scene
+
+
+SUITE_ONLY = {"layouts": None, "seeds": 3, "jobs": 2}
+SCENE_ONLY = ("scene", "budget", "exposure")
+"""Options that make no sense without the suite, with their defaults; and with it."""
+
+
+def _suite(options: PoliciesOptions) -> None:
+    """All layouts, side by side."""
+    from lightloom.golden_model.scene.scene import RenderDefaults
+    from lightloom.golden_model.stimuli.layouts.catalogue import READABLE, SEEDS
+    from lightloom.golden_model.stimuli.layouts.description import FRAMES as SUITE_FRAMES
+    from lightloom.golden_model.stimuli.layouts.description import SIZE as SUITE_SIZE
+    from lightloom.policies.suite import cases, write_suite
+    from lightloom.shared.console import print_json
+
+    if not 1 <= options.seeds <= len(SEEDS):
+        raise InputError(f"--seeds {options.seeds}: must be 1 to {len(SEEDS)}")
+    names = [choose(name, READABLE, "layout") for name in (options.layouts or ",".join(READABLE)).split(",")]
+    own = RenderDefaults(frames=SUITE_FRAMES, size=(SUITE_SIZE[0], SUITE_SIZE[1]))
+    comparison = _comparison(replace(options, scene="", names=options.names or ",".join(SUITE_POLICIES)), own)
+    command = f"lightloom policies --suite --layouts {','.join(names)} --seeds {options.seeds}"
+    report = write_suite(cases(names, SEEDS[: options.seeds]), comparison, options.out, options.jobs, command)
+    if options.json:
+        print_json(report)
+    else:
+        _print_suite(report)
+        print(f"Written to {options.out / 'index.html'}")
+
+
+def _print_suite(report: dict[str, Any]) -> None:
+    from lightloom.shared.console import print_table
+
+    names = report["policies"]
+    rows = [
+        [
+            row["layout"],
+            row["budget"],
+            *(100 * row["errors"][name] for name in names),
+            row["against_best"],
+            row["worst_run"],
+        ]
+        for row in report["rows"]
+    ]
+    columns = ["layout", "budget", *(f"{name} %" for name in names), "to the better", "worst run"]
+    print_table("Mean errors, the worst first", columns, rows)
+    print("Geometric means: " + ", ".join(f"{name} {mean:.3f}" for name, mean in report["means"].items()))
+
+
 def _check(options: PoliciesOptions) -> None:
     """Raises InputError for what can be seen to be wrong without the scene."""
     from lightloom.golden_model.maintenance.selection.policy import POLICIES
@@ -147,6 +223,13 @@ def _check(options: PoliciesOptions) -> None:
 
     for name in options.policies(POLICIES):
         choose(name, POLICIES, "policy")
+    if options.suite:
+        for name in SCENE_ONLY:
+            if getattr(options, name) is not None:
+                raise InputError(f"--suite: has scenes and budgets of its own; leave {name} out")
+    elif changed := [name for name, usual in SUITE_ONLY.items() if getattr(options, name) != usual]:
+        raise InputError(f"--{changed[0]}: is for --suite")
+    at_least(options.jobs, 1, "--jobs")
     choose(options.backend, BACKENDS, "backend")
     at_least(options.reference_every, 1, "--reference-every")
     if options.frames is not None:
@@ -167,7 +250,7 @@ def _comparison(options: PoliciesOptions, own: "RenderDefaults") -> "Comparison"
 
     width, height = image_size(options.size) if options.size is not None else own.size or SIZE
     return Comparison(
-        scene=options.scene,
+        scene=_scene_of(options),
         policies=options.policies(POLICIES),
         frames=options.frames or own.frames or FRAMES,
         width=width,

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from lightloom.gen.pages.policies_page import policies_page
 from lightloom.gen.pages.timeline import timeline
 from lightloom.golden_model.machine.cost_model import FrameCounts, Machine
@@ -14,6 +16,7 @@ from lightloom.golden_model.scene.scene import Scene
 from lightloom.policies.judge import Judge, visible_texels
 from lightloom.policies.options import Comparison
 from lightloom.policies.report import comparison_report, frame_row
+from lightloom.policies.still import jump, still_frames
 from lightloom.shared.console import Progress, json_text
 from lightloom.shared.provenance import machine, versions
 
@@ -38,7 +41,8 @@ def compare(
     judge = Judge(scene, lightmaps, options, folder)
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in options.policies}
     counts: dict[str, list[FrameCounts]] = {name: [] for name in options.policies}
-    compared = set(options.compared)
+    compared, still = set(options.compared), still_frames(scene, options.frames)
+    before: dict[str, np.ndarray] = {}
     with progress.stage("Frames and references", options.frames * len(renderers) + len(compared)) as advance:
         for number in range(options.frames):
             results = {}
@@ -51,7 +55,11 @@ def compare(
                 advance(1)
             visible = visible_texels(lightmaps, results[options.full].gbuffer)
             for name, result in results.items():
-                rows[name].append(frame_row(result, renderers[name].state, visible) | figures.get(name, {}))
+                row = frame_row(result, renderers[name].state, visible) | figures.get(name, {})
+                if number in still and judge.exposure is not None:
+                    row["jump"] = jump(before[name], result.image, judge.exposure)
+                rows[name].append(row)
+                before[name] = result.image
                 counts[name].append(result.counts)
     with progress.stage("Film and timelines"):
         judge.write_film()

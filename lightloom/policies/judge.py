@@ -60,6 +60,13 @@ def error(image: np.ndarray, reference: np.ndarray) -> float | None:
     return float(np.abs(shown - wanted).sum()) / total if total > 0 else None
 
 
+def energy(image: np.ndarray, reference: np.ndarray) -> float | None:
+    """sum I / sum R over the values of (..., 3) that are finite in both; None for a black reference."""
+    finite = np.isfinite(image) & np.isfinite(reference)
+    total = float(reference[finite].sum(dtype=np.float64))
+    return float(image[finite].sum(dtype=np.float64)) / total if total > 0 else None
+
+
 def visible_texels(lightmaps: Lightmaps, gbuffer: np.ndarray) -> np.ndarray:
     """The valid texels of the finest level that pixels of a GBUFFER (H, W) read, (V,) int64, rising."""
     seen = gbuffer[(gbuffer["object"] >= 0) & gbuffer["front"]]
@@ -108,6 +115,7 @@ class Judge:
         figures: dict[str, dict[str, Any]] = {
             name: {
                 "error": error(shown.image[counted] - straight[counted], mapped),
+                "energy": energy(shown.image[counted] - straight[counted], mapped),
                 "relative_mse": relative_mse(shown.image[counted] - straight[counted], mapped),
                 "counted": float(counted.mean()),
             }

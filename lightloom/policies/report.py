@@ -161,6 +161,8 @@ def summary(frames: Sequence[Mapping[str, Any]], budget: int) -> dict[str, Any]:
     return {
         **{name: mean(name) for name in MEASURES},
         "worst_error": most("error"),
+        "energy": mean("energy"),
+        "jump": most("jump"),
         "texels": mean("texels"),
         "on_visible": mean("on_visible"),
         "unknown": mean("unknown"),
@@ -169,6 +171,7 @@ def summary(frames: Sequence[Mapping[str, Any]], budget: int) -> dict[str, Any]:
         "deciding": sum(rays[kind] for kind in DECIDING) / len(frames),
         "rays": {kind: rays[kind] / len(frames) for kind in frames[0]["rays"]},
         "largest_spent": largest,
+        "least_spent": min(frame["spent"] for frame in frames),
         "within_budget": largest <= budget,
         "seconds": sum(frame["seconds"] for frame in frames),
     }

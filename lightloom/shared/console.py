@@ -16,13 +16,14 @@ Advance = Callable[[float], None]
 class Progress:
     """Stages of a long job: a bar each on a terminal, one line each elsewhere; `seconds` keeps how long each took.
 
-    A context manager.
+    A context manager. A `quiet` one keeps the times and shows nothing, for what runs beside others.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, quiet: bool = False) -> None:
         self.seconds: dict[str, float] = {}
+        self.quiet = quiet
         self._bars: Any = None
-        if sys.stderr.isatty():
+        if sys.stderr.isatty() and not quiet:
             from rich import progress
             from rich.console import Console
 
@@ -58,7 +59,7 @@ class Progress:
         self.seconds[name] = time.perf_counter() - started
         if task is not None:
             self._bars.update(task, completed=total)
-        else:
+        elif not self.quiet:
             print(f"{name}: {self.seconds[name]:.1f} s", file=sys.stderr, flush=True)
 
 

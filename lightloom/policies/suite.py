@@ -1,0 +1,172 @@
+"""All layouts of the suite under policies, each at two budgets and from three seeds: what a default is chosen by.
+
+Cases are computed side by side, and kept: what an interrupted run had done, the next one takes. Where the program or an
+option has changed since, they are made anew.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lightloom.gen.pages.suite_page import suite_page
+from lightloom.golden_model.charts.curved import default_cache
+from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.host.fingerprint import fingerprint
+from lightloom.golden_model.host.outputs import whole_file, whole_folder
+from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, LAYOUTS, READABLE, SEEDS, write_layout
+from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.policies.comparison import write_comparison
+from lightloom.policies.options import Comparison
+from lightloom.shared.console import Progress, json_text
+from lightloom.shared.provenance import machine, versions
+from lightloom.shared.step_cache import kept, key_of
+
+CASES = "cases"
+"""The folder of the cases' pages."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A layout with a seed and a budget; the seed is also that of the renders."""
+
+    layout: str
+    budget: str
+    seed: int
+
+    @property
+    def name(self) -> str:
+        return f"{self.layout}-{self.budget}-{self.seed}"
+
+
+def cases(layouts: Iterable[str] = READABLE, seeds: Iterable[int] = SEEDS) -> list[Case]:
+    """Of each layout each budget and seed."""
+    return [Case(layout, budget, seed) for layout in layouts for budget in BUDGETS for seed in seeds]
+
+
+def run_case(case: Case, options: Comparison, folder: Path) -> dict[str, Any]:
+    """The figures of a case, computed now or before; its page, film and scene are in `folder`/cases/NAME."""
+    place = folder / CASES / case.name
+    key = key_of(fingerprint(__name__), repr(options), case.name)
+    return kept(folder / "figures" / f"{case.name}-{key}.json", lambda: _computed(case, options, place))[0]
+
+
+def _computed(case: Case, options: Comparison, place: Path) -> dict[str, Any]:
+    with whole_folder(place) as folder:
+        file = write_layout(case.layout, case.seed, folder)
+        scene = load_scene(file)
+        own = {"scene": str(place / file.name), "budget": BUDGETS[case.budget], "seed": case.seed}
+        comparison = Comparison(**asdict(options) | own)
+        lightmaps = unwrap(scene, trace=Structure(scene, options.backend).trace, cache=default_cache())
+        report = write_comparison(scene, lightmaps, comparison, folder, Progress(quiet=True))
+    wanted = ("error", "worst_error", "energy", "jump", "flip", "oldest", "largest_spent", "least_spent")
+    policies = {each["name"]: {name: each["summary"][name] for name in wanted} for each in report["policies"]}
+    return {**asdict(case), "rays": BUDGETS[case.budget], "valid": report["valid"], "policies": policies}
+
+
+def run_suite(
+    chosen: list[Case], options: Comparison, folder: Path, jobs: int, advance: Callable[[float], None]
+) -> list[dict[str, Any]]:
+    """The figures of all cases, in their order, `jobs` at a time; `advance` is told of each that is done."""
+    done: dict[str, dict[str, Any]] = {}
+    with ProcessPoolExecutor(jobs) as pool:
+        waiting = {pool.submit(run_case, case, options, folder): case for case in chosen}
+        try:
+            for future in as_completed(waiting):
+                done[waiting[future].name] = future.result()
+                advance(1)
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    return [done[case.name] for case in chosen]
+
+
+def write_suite(chosen: list[Case], options: Comparison, folder: Path, jobs: int, command: str) -> dict[str, Any]:
+    """Runs all cases, writes suite.json, suite.md and index.html into `folder`; returns what suite.json holds."""
+    with Progress() as progress, progress.stage("Cases", len(chosen)) as advance:
+        figures = run_suite(chosen, options, folder, jobs, advance)
+    rows = table(figures)
+    report = {
+        "command": command,
+        "policies": list(options.policies),
+        "means": geometric_means(rows),
+        "rows": rows,
+        "cases": figures,
+        "versions": versions(),
+        "machine": machine(),
+    }
+    texts = {
+        "suite.json": json_text(report),
+        "suite.md": "\n".join([*written(rows), ""]),
+        "index.html": suite_page(report),
+    }
+    for name, text in texts.items():
+        with whole_file(folder / name) as part:
+            part.write_text(text, encoding="utf-8")
+    return report
+
+
+# --- what they say together -------------------------------------------------------------------------------------------
+
+
+def table(figures: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """A row a layout and budget, of its seeds' means, the worst first: by the last policy's error against the better of
+    the others'."""
+    groups: dict[tuple[str, str], list[dict[str, Any]]] = {}
+    for case in figures:
+        groups.setdefault((case["layout"], case["budget"]), []).append(case)
+    rows = [_row(layout, budget, group) for (layout, budget), group in groups.items()]
+    return sorted(rows, key=lambda row: -row["against_best"])
+
+
+def _row(layout: str, budget: str, group: list[dict[str, Any]]) -> dict[str, Any]:
+    names = list(group[0]["policies"])
+    errors = {name: np.array([case["policies"][name]["error"] for case in group]) for name in names}
+    full, others = errors[names[-1]], [errors[name] for name in names[:-1]] or [errors[names[-1]]]
+    best = min(others, key=lambda each: each.mean())
+    last = [case["policies"][names[-1]] for case in group]
+    return {
+        "layout": layout,
+        "about": LAYOUTS[layout].about,
+        "budget": budget,
+        "errors": {name: float(each.mean()) for name, each in errors.items()},
+        "against_best": float(full.mean() / best.mean()),
+        "worst_run": float((full / np.minimum.reduce(others)).max()),
+        "energy": float(np.mean([each["energy"] for each in last])),
+        "jump": max((each["jump"] for each in last if each["jump"] is not None), default=None),
+        "oldest": max(each["oldest"] for each in last),
+        "least_spent": min(each["least_spent"] / case["rays"] for each, case in zip(last, group, strict=True)),
+        "cases": [Case(case["layout"], case["budget"], case["seed"]).name for case in group],
+    }
+
+
+def geometric_means(rows: list[dict[str, Any]]) -> dict[str, float]:
+    """Of each policy its error against the first one's, over layouts and budgets."""
+    first = next(iter(rows[0]["errors"]))
+    ratios = {name: [row["errors"][name] / row["errors"][first] for row in rows] for name in rows[0]["errors"]}
+    return {name: float(np.exp(np.log(each).mean())) for name, each in ratios.items()}
+
+
+def written(rows: list[dict[str, Any]]) -> Iterator[str]:
+    """The table as Markdown."""
+    names = list(rows[0]["errors"])
+    columns = [
+        "layout",
+        "budget",
+        *(f"E {name}" for name in names),
+        "ratio to the better",
+        "worst run",
+        "energy",
+        "jump",
+    ]
+    yield f"| {' | '.join(columns)} |"
+    yield f"|{'---|' * len(columns)}"
+    for row in rows:
+        errors = [f"{100 * row['errors'][name]:.2f} %" for name in names]
+        jump = "" if row["jump"] is None else f"{100 * row['jump']:.2f} %"
+        shown = [*errors, f"{row['against_best']:.2f}", f"{row['worst_run']:.2f}", f"{row['energy']:.3f}", jump]
+        yield f"| {row['layout']} | {row['budget']} | {' | '.join(shown)} |"

@@ -1,0 +1,106 @@
+"""`lightloom policies --suite`: cases, what is kept of them, what they say together, and the measure of flicker."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, READABLE, SEEDS, write_layout
+from lightloom.policies.still import jump, still_frames
+from lightloom.policies.suite import cases, geometric_means, table
+
+from .conftest import Run
+
+SMALL = ["--frames", "3", "--size", "24x16", "--reference-rays", "16", "--seeds", "1", "--layouts", "corridor"]
+
+
+def test_the_whole_suite_has_every_case() -> None:
+    names = [case.name for case in cases()]
+    assert len(set(names)) == len(names) == len(READABLE) * len(BUDGETS) * len(SEEDS)
+
+
+def test_cases_are_kept(cli: Run, tmp_path: Path) -> None:
+    """A second run computes nothing, and says the same; with another option it computes all again."""
+    out = tmp_path / "suite"
+    outcome = cli("policies", "--suite", *SMALL, "--out", str(out), "--json")
+    assert outcome.code == 0, outcome
+    report = json.loads(outcome.out)
+    assert {row["budget"] for row in report["rows"]} == set(BUDGETS)
+    assert list(report["means"]) == report["policies"] == ["round-robin", "visibility", "influence"]
+    for row in report["rows"]:
+        assert set(row["errors"]) == set(report["policies"])
+        assert row["least_spent"] > 0.95
+        assert 0.5 < row["energy"] < 1.5
+        for name in row["cases"]:
+            assert (out / "cases" / name / "index.html").exists()
+            assert f"cases/{name}/film.webp" in (out / "index.html").read_text()
+    assert (out / "suite.md").read_text().count("\n") == 2 + len(BUDGETS)
+
+    before = {path: path.stat().st_mtime_ns for path in (out / "cases").rglob("*.json")}
+    again = cli("policies", "--suite", *SMALL, "--out", str(out), "--json")
+    assert json.loads(again.out)["cases"] == report["cases"]
+    assert {path: path.stat().st_mtime_ns for path in (out / "cases").rglob("*.json")} == before
+    assert cli("policies", "--suite", *SMALL, "--reference-every", "1", "--out", str(out)).code == 0
+    assert all(path.stat().st_mtime_ns != time for path, time in before.items())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--suite", "--layouts", "coridor"], "did you mean corridor"),
+        (["--suite", "--seeds", "4"], "--seeds 4: must be 1 to 3"),
+        (["--suite", "cornell-box"], "leave scene out"),
+        (["--suite", "--budget", "100"], "leave budget out"),
+        (["cornell-box", "--layouts", "corridor"], "--layouts: is for --suite"),
+        (["--suite", "--jobs", "0"], "--jobs 0: must be at least 1"),
+        ([], "SCENE is missing"),
+    ],
+)
+def test_bad_input(cli: Run, arguments: list[str], said: str, tmp_path: Path) -> None:
+    outcome = cli("policies", *arguments, "--out", str(tmp_path / "out"))
+    assert outcome.code == 2
+    assert said in outcome.err
+    assert not (tmp_path / "out").exists()
+
+
+def figures(layout: str, seed: int, **errors: float) -> dict[str, Any]:
+    each = {"energy": 1.0, "jump": None, "oldest": 3, "least_spent": 90}
+    policies = {name: {"error": error, **each} for name, error in errors.items()}
+    return {"layout": layout, "budget": "scarce", "seed": seed, "rays": 100, "policies": policies}
+
+
+def test_the_worst_comes_first() -> None:
+    """By the last policy's mean error against that of the better of the others; and the worst run of all seeds."""
+    rows = table(
+        [
+            figures("torch", 0, first=0.4, second=0.2, last=0.1),
+            figures("corridor", 0, first=0.2, second=0.4, last=0.1),
+            figures("corridor", 1, first=0.2, second=0.4, last=0.3),
+        ]
+    )
+    assert [row["layout"] for row in rows] == ["corridor", "torch"]
+    assert [row["against_best"] for row in rows] == pytest.approx([1.0, 0.5])
+    assert [row["worst_run"] for row in rows] == pytest.approx([1.5, 0.5])
+    assert rows[0]["least_spent"] == 0.9
+    assert geometric_means(rows) == pytest.approx({"first": 1, "second": 1, "last": 0.5})
+
+
+def test_still_frames(tmp_path: Path) -> None:
+    """Of a dimmer those in which the lamp holds its level; of a walk those in which the camera stands."""
+    dimmer = load_scene(write_layout("dimmer", 0, tmp_path))
+    assert still_frames(dimmer, 48) == set(range(1, 48)) - {8, 9, 28, 29}
+    room = load_scene(write_layout("room", 0, tmp_path))
+    assert still_frames(room, 48) == {1, 2, 3, 4, *range(29, 48)}
+    assert still_frames(load_scene(write_layout("flicker", 0, tmp_path)), 48) == set()
+
+
+def test_jump_counts_what_is_seen_to_change() -> None:
+    picture = np.full((4, 4, 3), 0.2, dtype=np.float32)
+    other = picture.copy()
+    assert jump(picture, other, 1.0) == 0
+    other[0, 0, 1] = 0.3
+    other[3, 3] = 0.201
+    assert jump(picture, other, 1.0) == 1 / 16
