@@ -73,7 +73,9 @@ OPERATORS = _by_name(
     _operator("float_to_half", "float32 to binary16", _F.FLOAT_UNARY, _F.HALF, "convert_depth"),
     _operator("half_to_float", "binary16 to float32", _F.HALF_UNARY, _F.FLOAT, "convert_depth"),
     _operator("float_to_fixed", "float32 to fixed point", _F.FLOAT_TO_FIXED, _F.FIXED, "convert_depth"),
+    _operator("float_to_fixed_down", "float32 to fixed point, down", _F.FLOAT_TO_FIXED, _F.FIXED, "convert_depth"),
     _operator("fixed_to_float", "fixed point to float32", _F.FIXED_TO_FLOAT, _F.FLOAT, "convert_depth"),
+    _operator("fixed64_to_float", "fixed point of 64 bits to float32", _F.FIXED64_TO_FLOAT, _F.FLOAT, "convert_depth"),
 )
 """The number units, which have a twin of the same name and operands in `golden_model.numerics.floats`."""
 
