@@ -86,6 +86,15 @@ class TriangleTest(Block):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Texel(Block):
+    """The units that see to texels, each a graph whose operators are shared over the cycles of its interval."""
+
+    project_interval: int = whole(1, powers_of_two(1, 32), "cycles from one `texel_project` to the next")
+    match_interval: int = whole(4, powers_of_two(1, 32), "cycles from one `texel_match` to the next")
+    blend_interval: int = whole(16, powers_of_two(1, 32), "cycles from one `texel_blend` to the next")
+
+
+@dataclass(frozen=True, kw_only=True)
 class Traversal(Block):
     """`traversal`."""
 

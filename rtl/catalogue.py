@@ -12,6 +12,9 @@ from lightloom.rtl.intersection.node_test import NodeTest
 from lightloom.rtl.intersection.ray_setup import RaySetup
 from lightloom.rtl.intersection.ray_time import RayTime
 from lightloom.rtl.intersection.ray_triangle import RayTriangle, RayTriangleHalf
+from lightloom.rtl.maintenance.texel_blend import TexelBlend
+from lightloom.rtl.maintenance.texel_match import TexelMatch
+from lightloom.rtl.maintenance.texel_project import TexelProject
 from lightloom.rtl.operators.fixed_to_float import Fixed64ToFloat, FixedToFloat
 from lightloom.rtl.operators.float_add import FloatAdd
 from lightloom.rtl.operators.float_compare import FloatCompare
@@ -57,6 +60,9 @@ CATALOGUE: dict[str, Callable[[Config], UnitComponent]] = {
     "ray_time": _stream(RayTime),
     "box_setup": _stream(BoxSetup),
     "node_test": _stream(NodeTest),
+    "texel_project": _stream(lambda c: TexelProject(c, interval=c.texel.project_interval)),
+    "texel_match": _stream(lambda c: TexelMatch(c, interval=c.texel.match_interval)),
+    "texel_blend": _stream(lambda c: TexelBlend(c, interval=c.texel.blend_interval)),
     "traversal": traversal,
 }
 

@@ -51,6 +51,11 @@ def _operator(name: str, summary: str, source: np.dtype, result: np.dtype, *conf
     )
 
 
+def _operators(*names: str) -> tuple[str, ...]:
+    """The depths of operators, and how multipliers are written."""
+    return (*(f"operators.{name}_depth" for name in names), "operators.multiplier_blocks")
+
+
 def _by_name(*units: Unit) -> dict[str, Unit]:
     return {unit.name: unit for unit in units}
 
@@ -130,6 +135,27 @@ UNITS = OPERATORS | _by_name(
         input=_F.NODE_TEST,
         output=_F.NODE_HITS,
         config=("operators.multiplier_blocks", "tree", "node_test"),
+    ),
+    Unit(
+        name="texel_project",
+        summary="where on the screen a texel lies, how deep, and how precisely",
+        input=_F.TEXEL_PROJECT,
+        output=_F.TEXEL_PLACE,
+        config=(*_operators("add", "multiply", "divide", "compare", "convert"), "texel.project_interval"),
+    ),
+    Unit(
+        name="texel_match",
+        summary="whether a texel is what the four pixels around it see",
+        input=_F.TEXEL_MATCH,
+        output=_F.TEXEL_MATCHED,
+        config=(*_operators("add", "multiply", "compare", "convert"), "texel.match_interval"),
+    ),
+    Unit(
+        name="texel_blend",
+        summary="what a texel becomes by a sample, and how unusual that was",
+        input=_F.TEXEL_BLEND,
+        output=_F.TEXEL_BLENDED,
+        config=(*_operators("add", "multiply", "divide", "sqrt", "compare", "convert"), "texel.blend_interval"),
     ),
     Unit(
         name="traversal",
