@@ -133,11 +133,14 @@ PROJECT_FAMILIES: dict[str, Family] = {
     "border": at_the_border,
     "behind": behind_the_eye,
     "scaled": scaled_scenes,
-    "specials": specials_in(on_the_screen, TEXEL_PROJECT),
+    "specials": specials_in(on_the_screen, TEXEL_PROJECT, fields=6),
 }
 
 
 # --- texel_match ----------------------------------------------------------------------------------------------------
+
+
+SPECIAL_HALVES = np.array([0, 1, 0x3FF, 0x400, 0x7BFF, 0x7C00, 0x7E00, 0x8000, 0xFC00], dtype=np.uint16)
 
 
 def _policies(out: np.ndarray, rng: Generator) -> None:
@@ -182,8 +185,10 @@ def exactly_at_the_bounds(count: int, rng: Generator) -> np.ndarray:
 def with_special_halves(count: int, rng: Generator) -> np.ndarray:
     """Normals of any binary16 numbers, infinities, NaN and subnormal ones among them; one texel in four."""
     out = specials_in(around_the_texel, TEXEL_MATCH)(count, rng)
-    bits = rng.integers(0, 1 << 16, out["pixel_normal"].shape, dtype=np.uint16)
-    chosen = rng.random(out["pixel_normal"].shape) < 0.05
+    shape = out["pixel_normal"].shape
+    bits = rng.integers(0, 1 << 16, shape, dtype=np.uint16)
+    bits = np.where(rng.random(shape) < 0.5, rng.choice(SPECIAL_HALVES, shape), bits)
+    chosen = rng.random(shape) < 0.05
     out["pixel_normal"] = np.where(chosen, bits, out["pixel_normal"].view(np.uint16)).view(F2)
     return out
 
@@ -267,10 +272,10 @@ def texel_project_vectors(count: int, seed: int) -> np.ndarray:
 
 
 def texel_match_vectors(count: int, seed: int) -> np.ndarray:
-    """TEXEL_MATCH (count,)."""
+    """TEXEL_MATCH (count,); all degrees, with all of the tests."""
     return mixture(MATCH_FAMILIES, count, seed)
 
 
 def texel_blend_vectors(count: int, seed: int) -> np.ndarray:
-    """TEXEL_BLEND (count,)."""
+    """TEXEL_BLEND (count,); a texel in three is dropped or new."""
     return mixture(BLEND_FAMILIES, count, seed)
