@@ -10,7 +10,7 @@ DRAGON  := build/meshes/dragon.ply
 WORKERS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help setup simulators meshes demo test tests lint test-long test-operators prove coverage bench results emit clean distclean
+.PHONY: help setup simulators meshes demo test tests lint test-long test-operators test-texels prove coverage bench results emit clean distclean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 18
@@ -55,6 +55,9 @@ test-long: setup ## the long tests: millions of rays and vectors (an hour on two
 
 test-operators: setup ## number units: 4 million random vectors and the corner grid each, against SoftFloat; a table
 	$(BIN)/python -m tests.operators_long --json build/operators.json
+
+test-texels: setup ## units of texels: 2 million seeded operands each and all calls of the films (an hour); a table
+	$(BIN)/python -m tests.texels_long --json build/texels.json
 
 prove: $(READY) ## all proofs of the RTL, then seeded faults and what notices them (minutes)
 	$(BIN)/lightloom prove --jobs $(WORKERS)

@@ -7,6 +7,9 @@ from typing import Any
 import numpy as np
 
 from lightloom.golden_model.contract.interfaces import OPERATORS, Unit
+from lightloom.golden_model.maintenance.sampling.texel_blend import texel_blend
+from lightloom.golden_model.maintenance.selection.texel_match import texel_match
+from lightloom.golden_model.maintenance.selection.texel_project import texel_project
 from lightloom.golden_model.numerics import floats
 from lightloom.golden_model.tracing.ray_setup import ray_setup
 from lightloom.golden_model.tracing.ray_triangle import ray_triangle
@@ -64,6 +67,9 @@ MODELS: dict[str, Model] = {
     "ray_time": _pure(ray_time),
     "box_setup": _pure(box_setup),
     "node_test": _node_test,
+    "texel_project": _pure(texel_project),
+    "texel_match": _pure(texel_match),
+    "texel_blend": _pure(texel_blend),
     "traversal": _traversal,
 }
 """Of every unit."""

@@ -46,7 +46,7 @@ class Operators(Block):
     reciprocal_depth: int = whole(7, (0, 2, 3, 5, 7, 13), "the reciprocal inside `ray_triangle`")
     sqrt_depth: int = whole(9, range(28), "`float_sqrt`: a bit of the root a step")
     compare_depth: int = whole(1, range(2), "`float_compare` and `float_minmax`")
-    convert_depth: int = whole(2, range(3), "`float_to_half`, `half_to_float`, `float_to_fixed` and `fixed_to_float`")
+    convert_depth: int = whole(2, range(3), "conversions: `float_to_half`, `fixed_to_float` and the like")
 
     @property
     def reciprocal_cycles(self) -> int:
@@ -83,6 +83,15 @@ class TriangleTest(Block):
         (1, 2),
         "cycles from one triangle test of a traversal unit to the next: `ray_triangle` or `ray_triangle_half`",
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Texel(Block):
+    """The units that see to texels, each a graph whose operators are shared over the cycles of its interval."""
+
+    project_interval: int = whole(1, powers_of_two(1, 32), "cycles from one `texel_project` to the next")
+    match_interval: int = whole(4, powers_of_two(1, 32), "cycles from one `texel_match` to the next")
+    blend_interval: int = whole(16, powers_of_two(1, 32), "cycles from one `texel_blend` to the next")
 
 
 @dataclass(frozen=True, kw_only=True)

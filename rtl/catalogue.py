@@ -12,7 +12,10 @@ from lightloom.rtl.intersection.node_test import NodeTest
 from lightloom.rtl.intersection.ray_setup import RaySetup
 from lightloom.rtl.intersection.ray_time import RayTime
 from lightloom.rtl.intersection.ray_triangle import RayTriangle, RayTriangleHalf
-from lightloom.rtl.operators.fixed_to_float import FixedToFloat
+from lightloom.rtl.maintenance.texel_blend import TexelBlend
+from lightloom.rtl.maintenance.texel_match import TexelMatch
+from lightloom.rtl.maintenance.texel_project import TexelProject
+from lightloom.rtl.operators.fixed_to_float import Fixed64ToFloat, FixedToFloat
 from lightloom.rtl.operators.float_add import FloatAdd
 from lightloom.rtl.operators.float_compare import FloatCompare
 from lightloom.rtl.operators.float_difference_of_products import FloatDifferenceOfProducts
@@ -21,6 +24,7 @@ from lightloom.rtl.operators.float_minmax import FloatMinmax
 from lightloom.rtl.operators.float_multiply import FloatMultiply
 from lightloom.rtl.operators.float_sqrt import FloatSqrt
 from lightloom.rtl.operators.float_to_fixed import FloatToFixed
+from lightloom.rtl.operators.float_to_fixed_down import FloatToFixedDown
 from lightloom.rtl.operators.float_to_half import FloatToHalf
 from lightloom.rtl.operators.half_to_float import HalfToFloat
 from lightloom.rtl.traversal.array import traversal
@@ -47,13 +51,18 @@ CATALOGUE: dict[str, Callable[[Config], UnitComponent]] = {
     "float_to_half": _stream(lambda c: FloatToHalf(c.operators.convert_depth)),
     "half_to_float": _stream(lambda c: HalfToFloat(c.operators.convert_depth)),
     "float_to_fixed": _stream(lambda c: FloatToFixed(c.operators.convert_depth)),
+    "float_to_fixed_down": _stream(lambda c: FloatToFixedDown(c.operators.convert_depth)),
     "fixed_to_float": _stream(lambda c: FixedToFloat(c.operators.convert_depth)),
+    "fixed64_to_float": _stream(lambda c: Fixed64ToFloat(c.operators.convert_depth)),
     "ray_setup": _stream(RaySetup),
     "ray_triangle": _stream(RayTriangle),
     "ray_triangle_half": _stream(RayTriangleHalf),
     "ray_time": _stream(RayTime),
     "box_setup": _stream(BoxSetup),
     "node_test": _stream(NodeTest),
+    "texel_project": _stream(lambda c: TexelProject(c, interval=c.texel.project_interval)),
+    "texel_match": _stream(lambda c: TexelMatch(c, interval=c.texel.match_interval)),
+    "texel_blend": _stream(lambda c: TexelBlend(c, interval=c.texel.blend_interval)),
     "traversal": traversal,
 }
 

@@ -11,7 +11,18 @@ from typing import Self
 
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.parameters import Parameter, parameters
-from lightloom.rtl.blocks import Cache, Memory, NodeTest, Operators, Streams, Traversal, Tree, TriangleTest, block
+from lightloom.rtl.blocks import (
+    Cache,
+    Memory,
+    NodeTest,
+    Operators,
+    Streams,
+    Texel,
+    Traversal,
+    Tree,
+    TriangleTest,
+    block,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +40,7 @@ class Config:
     node_cache: Cache = block(Cache(), "node_", "node cache")
     triangle_cache: Cache = block(Cache(sets=16, ways=8, misses=64), "triangle_", "triangle cache")
     memory: Memory = block(Memory())
+    texel: Texel = block(Texel(), "texel_")
 
     def __post_init__(self) -> None:
         for each in fields(self):

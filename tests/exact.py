@@ -7,7 +7,7 @@ bits of the fields.
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
-from math import isqrt
+from math import floor, isqrt
 
 import numpy as np
 
@@ -165,18 +165,26 @@ def half_to_float(a: int) -> int:
     return _infinity(x.negative) if x.value is None else _result(x.value, x.negative)
 
 
-def float_to_fixed(a: int, fraction: int) -> int:
+def float_to_fixed(a: int, fraction: int, to_integer: Callable[[Fraction], int] = round) -> int:
     x = _operand(a)
     if x.nan:
         return 0
     low, high = -(1 << 31), (1 << 31) - 1
     if x.value is None:
         return (low if x.negative else high) & 0xFFFFFFFF
-    return min(max(round(x.value * (1 << fraction)), low), high) & 0xFFFFFFFF
+    return min(max(to_integer(x.value * (1 << fraction)), low), high) & 0xFFFFFFFF
 
 
-def fixed_to_float(a: int, fraction: int) -> int:
-    return _result(Fraction(a - ((a & SIGN) << 1), 1 << fraction))
+def float_to_fixed_down(a: int, fraction: int) -> int:
+    return float_to_fixed(a, fraction, floor)
+
+
+def fixed_to_float(a: int, fraction: int, sign: int = SIGN) -> int:
+    return _result(Fraction(a - ((a & sign) << 1), 1 << fraction))
+
+
+def fixed64_to_float(a: int, fraction: int) -> int:
+    return fixed_to_float(a, fraction, 1 << 63)
 
 
 def _column(values: np.ndarray) -> list[int]:

@@ -10,7 +10,7 @@ struct float64_t { uint64_t v; };
 struct float128_t { uint64_t v[2]; };  // least significant word first
 
 extern uint_fast8_t softfloat_roundingMode, softfloat_exceptionFlags;
-enum { near_even = 0, towards_zero = 1, inexact = 1, invalid = 16 };
+enum { near_even = 0, towards_zero = 1, down = 2, inexact = 1, invalid = 16 };
 
 float32_t f32_add(float32_t, float32_t), f32_sub(float32_t, float32_t), f32_mul(float32_t, float32_t);
 float32_t f32_div(float32_t, float32_t), f32_sqrt(float32_t), f16_to_f32(float16_t), f64_to_f32(float64_t);
@@ -18,6 +18,7 @@ float32_t f128_to_f32(float128_t);
 bool f32_eq(float32_t, float32_t), f32_lt_quiet(float32_t, float32_t);
 float16_t f32_to_f16(float32_t);
 float64_t f32_to_f64(float32_t), i32_to_f64(int32_t), f64_mul(float64_t, float64_t);
+float32_t i64_to_f32(int64_t);
 int_fast32_t f64_to_i32(float64_t, uint_fast8_t mode, bool exact);
 float128_t f32_to_f128(float32_t), f128_mul(float128_t, float128_t), f128_sub(float128_t, float128_t);
 
@@ -80,19 +81,28 @@ void half_to_float(size_t n, In a, uint32_t *z) {
 }
 
 // Scaling by a power of two is exact in binary64. Out of range: the nearest integer there is, and 0 for a NaN.
-void float_to_fixed(size_t n, In a, In fraction, uint32_t *z) {
+static void to_fixed(size_t n, In a, In fraction, uint32_t *z, uint_fast8_t mode) {
     for (size_t k = 0; k < n; k++) {
         softfloat_exceptionFlags = 0;
         bool nan = !f32_eq({a[k]}, {a[k]});
         float64_t scaled = f64_mul(f32_to_f64({a[k]}), {uint64_t(1023 + fraction[k]) << 52});
         softfloat_exceptionFlags = 0;
-        z[k] = f64_to_i32(scaled, near_even, false);
+        z[k] = f64_to_i32(scaled, mode, false);
         if (softfloat_exceptionFlags & invalid) z[k] = nan ? 0 : a[k] >> 31 ? 0x80000000 : 0x7FFFFFFF;
     }
 }
 
+void float_to_fixed(size_t n, In a, In fraction, uint32_t *z) { to_fixed(n, a, fraction, z, near_even); }
+
+void float_to_fixed_down(size_t n, In a, In fraction, uint32_t *z) { to_fixed(n, a, fraction, z, down); }
+
 void fixed_to_float(size_t n, In a, In fraction, uint32_t *z) {
     for (size_t k = 0; k < n; k++)
         z[k] = f64_to_f32(f64_mul(i32_to_f64(int32_t(a[k])), {uint64_t(1023 - fraction[k]) << 52})).v;
+}
+
+// The one rounding is SoftFloat's; what it gives is far from the least normal number.
+void fixed64_to_float(size_t n, const int64_t *a, In fraction, uint32_t *z) {
+    for (size_t k = 0; k < n; k++) z[k] = f32_mul(i64_to_f32(a[k]), {(127 - fraction[k]) << 23}).v;
 }
 }

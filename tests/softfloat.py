@@ -34,9 +34,9 @@ def _library() -> ctypes.CDLL:
 
 
 def _bits(column: np.ndarray) -> np.ndarray:
-    """A field as uint32."""
+    """A field as uint32, or as uint64 where it is wider."""
     raw = column if column.dtype == np.bool_ else np.ascontiguousarray(column).view(f"<u{column.itemsize}")
-    return np.ascontiguousarray(raw.astype(np.uint32))
+    return np.ascontiguousarray(raw.astype(np.uint64 if column.itemsize > 4 else np.uint32))
 
 
 def _flushed(bits: np.ndarray) -> np.ndarray:
@@ -61,7 +61,7 @@ def softfloat_results(name: str, operands: np.ndarray) -> np.ndarray:
             out[field] = z >> position & 1
     elif name == "float_to_half":
         out["z"] = np.where(z & 0x7FFF > 0x7C00, 0x7E00, z).astype(np.uint16).view(np.float16)
-    elif name == "float_to_fixed":
+    elif name in ("float_to_fixed", "float_to_fixed_down"):
         out["z"] = z.view(np.int32)
     else:
         z = np.where(z & 0x7FFFFFFF > 0x7F800000, np.uint32(0x7FC00000), _flushed(z)).astype(np.uint32)

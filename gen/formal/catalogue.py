@@ -15,6 +15,7 @@ from lightloom.gen.formal import (
     special_cases,
     stacks,
     stream_units,
+    texel_logic,
     write_arbiter,
     writer,
 )
@@ -37,6 +38,7 @@ MODULES = (
     cuts,
     numbers,
     box_test,
+    texel_logic,
 )
 
 PROPERTIES: dict[str, Property] = {one.key: one for module in MODULES for one in module.properties()}

@@ -1,6 +1,7 @@
 """The faults that `gen.formal.mutations` puts in: what is wrong, and which checks have to notice."""
 
 from lightloom.gen.formal.mutations import Mutation
+from lightloom.gen.formal.texel_faults import TEXEL_FAULTS
 
 OPERATORS = "rtl/operators/"
 PIPELINE, QUEUES, FILL = "rtl/fabric/pipeline.py", "rtl/fabric/queues.py", "rtl/memory/block_fill.py"
@@ -1615,5 +1616,5 @@ _FAULTS = (
         checks=("tests/rtl/memory/test_axi_checker.py::test_a_fault_is_named",),
     ),
 )
-FAULTS = {one.name: one for one in _FAULTS}
+FAULTS = {one.name: one for one in (*_FAULTS, *TEXEL_FAULTS)}
 """By name."""

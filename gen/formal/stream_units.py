@@ -18,7 +18,7 @@ from lightloom.rtl.catalogue import stream_unit
 from lightloom.rtl.config import PRESETS, Config
 from lightloom.rtl.fabric.pipeline import Core, StreamUnit, register, turns_of
 
-LONGEST = 80
+LONGEST = 160
 """Cycles in which an operation goes through any of the units: more than their latencies."""
 
 

@@ -40,12 +40,33 @@ BLOCK = 1 << 15
 """Records worked on at a time, so that they stay in the processor's cache while field after field goes by."""
 
 
-def _raw(values: np.ndarray, bit_width: int) -> np.ndarray:
-    """The field's bits as uint32."""
+def _pieces(offset: int, bit_width: int) -> Iterator[tuple[int, int, int, int]]:
+    """Yields (word, shift in it, place in the field, width) of the parts of a field that no word's end cuts, from the
+    lowest on.
+    """
+    place = 0
+    while place < bit_width:
+        word, shift = divmod(offset + place, 32)
+        size = min(32 - shift, bit_width - place)
+        yield word, shift, place, size
+        place += size
+
+
+def _raw(values: np.ndarray) -> np.ndarray:
+    """The field's bits, unsigned, in 32 bits or in 64; what is above the field is left as it is."""
     if values.dtype == np.bool_:
         return values.astype(np.uint32)
-    unsigned = np.ascontiguousarray(values).view(f"<u{values.dtype.itemsize}").astype(np.uint32, copy=False)
-    return unsigned & np.uint32((1 << bit_width) - 1)
+    unsigned = np.ascontiguousarray(values).view(f"<u{values.dtype.itemsize}")
+    return unsigned if unsigned.itemsize == 8 else unsigned.astype(np.uint32, copy=False)
+
+
+def _value(raw: np.ndarray, base: np.dtype, bit_width: int) -> np.ndarray:
+    """The inverse of `_raw`; what is above the field is zero."""
+    if base == np.bool_:
+        return raw.astype(np.bool_)
+    value = raw.astype(f"<u{base.itemsize}").view(base)
+    unused = 8 * base.itemsize - bit_width
+    return value << unused >> unused if base.kind == "i" and unused else value
 
 
 def pack(array: np.ndarray) -> np.ndarray:
@@ -54,11 +75,10 @@ def pack(array: np.ndarray) -> np.ndarray:
     for start in range(0, len(out), BLOCK):
         source, target = array[start : start + BLOCK], out[start : start + BLOCK]
         for name, index, _, offset, bit_width in fields(array.dtype):
-            raw = _raw(source[name][(slice(None), *index)], bit_width)
-            word, shift = divmod(offset, 32)
-            target[:, word] |= raw << np.uint32(shift)
-            if shift + bit_width > 32:
-                target[:, word + 1] |= raw >> np.uint32(32 - shift)
+            raw = _raw(source[name][(slice(None), *index)])
+            for word, shift, place, size in _pieces(offset, bit_width):
+                piece = (raw >> raw.dtype.type(place)).astype(np.uint32, copy=False) & np.uint32((1 << size) - 1)
+                target[:, word] |= piece << np.uint32(shift)
     return out
 
 
@@ -68,13 +88,11 @@ def unpack(packed: np.ndarray, dtype: np.dtype) -> np.ndarray:
     for start in range(0, len(out), BLOCK):
         source, target = packed[start : start + BLOCK], out[start : start + BLOCK]
         for name, index, base, offset, bit_width in fields(dtype):
-            word, shift = divmod(offset, 32)
-            raw = source[:, word] >> np.uint32(shift)
-            if shift + bit_width > 32:
-                raw |= source[:, word + 1] << np.uint32(32 - shift)
-            raw &= np.uint32((1 << bit_width) - 1)
-            column = target[name][(slice(None), *index)]
-            column[...] = raw.astype(np.bool_) if base == np.bool_ else raw.astype(f"<u{base.itemsize}").view(base)
+            raw = np.zeros(len(source), dtype=np.uint64 if bit_width > 32 else np.uint32)
+            for word, shift, place, size in _pieces(offset, bit_width):
+                piece = source[:, word] >> np.uint32(shift) & np.uint32((1 << size) - 1)
+                raw |= piece.astype(raw.dtype, copy=False) << raw.dtype.type(place)
+            target[name][(slice(None), *index)] = _value(raw, base, bit_width)
     return out
 
 

@@ -2,8 +2,8 @@
 
 The Amaranth layouts (`rtl.fabric.layouts`), the bit packing of the simulation harness
 (`golden_model.contract.bitpack`), the manifests and the tables in `docs/` are all derived from these dtypes. A `bool`
-field is one bit wide in hardware, a field made with `bits(n)` is n bits wide, and every other field has the width of
-its NumPy type. Fields follow each other from the least significant bit upwards, without padding.
+field is one bit wide in hardware, a field made with `bits(n)` or `signed_bits(n)` is n bits wide, and every other field
+has the width of its NumPy type. Fields follow each other from the least significant bit upwards, without padding.
 """
 
 from typing import NamedTuple
@@ -12,11 +12,20 @@ import numpy as np
 
 
 def bits(width: int) -> np.dtype:
-    """An unsigned field of `width` bits (1 to 32), held in the smallest NumPy integer that has room for it."""
-    if not 1 <= width <= 32:
-        raise ValueError(f"a bit field is 1 to 32 bits wide, not {width}")
-    holder = np.uint8 if width <= 8 else np.uint16 if width <= 16 else np.uint32
-    return np.dtype(holder, metadata={"bits": width})
+    """An unsigned field of `width` bits (1 to 64), held in the smallest NumPy integer that has room for it."""
+    return _narrowed("u", width)
+
+
+def signed_bits(width: int) -> np.dtype:
+    """The same in two's complement."""
+    return _narrowed("i", width)
+
+
+def _narrowed(kind: str, width: int) -> np.dtype:
+    if not 1 <= width <= 64:
+        raise ValueError(f"a bit field is 1 to 64 bits wide, not {width}")
+    size = next(size for size in (1, 2, 4, 8) if width <= 8 * size)
+    return np.dtype(f"<{kind}{size}", metadata={"bits": width})
 
 
 def field_width(dtype: np.dtype) -> int:
@@ -29,6 +38,7 @@ def field_width(dtype: np.dtype) -> int:
 F4 = np.dtype("<f4")
 F2 = np.dtype("<f2")
 I4 = np.dtype("<i4")
+I8 = np.dtype("<i8")
 I2 = np.dtype("<i2")
 U2 = np.dtype("<u2")
 U4 = np.dtype("<u4")
@@ -47,6 +57,7 @@ HALF_UNARY = np.dtype([("a", F2)])
 # `fraction` is the number of bits after the binary point, 0 (an integer) to 31.
 FLOAT_TO_FIXED = np.dtype([("a", F4), ("fraction", bits(5))])
 FIXED_TO_FLOAT = np.dtype([("a", I4), ("fraction", bits(5))])
+FIXED64_TO_FLOAT = np.dtype([("a", I8), ("fraction", bits(5))])
 FIXED = np.dtype([("z", I4)])
 
 # --- rays, triangles, hits ----------------------------------------------------------------------------------------
@@ -314,6 +325,10 @@ GBUFFER = np.dtype(
     ]
 )
 
+# What the visibility test of texels reads of a pixel: 16 bytes. `depth` is infinity where nothing is seen. The rest is
+# that of GBUFFER, the normal in binary16.
+PIXEL = np.dtype([("depth", F4), ("normal", F2, (3,)), ("lod", I2), ("reserved", U4)])
+
 # --- lightmap maintenance -----------------------------------------------------------------------------------------
 # The maintained texel, 20 bytes in hardware: irradiance RGB; the frame of the last update, modulo 65536; `number`, the
 # updates it has had, modulo 4096: it selects the run of the sequences; `count`, the samples in the running average: it
@@ -338,15 +353,39 @@ TEXEL_STATE = np.dtype(
 # the texel that charts take.
 PUBLISHED_TEXEL = np.dtype([("rgba", F2, (4,))])
 
-# One blend: of the texel before what bears on it, the new sample of its irradiance, the settings
-# (`running_average.Blending`).
-BLEND = np.dtype(
+RELATIVE_BITS = 8
+"""Bits after the point of `deviation` and `spread`."""
+RELATIVE_MAX = 4095
+"""Where they stop: 12 bits."""
+COUNT_MAX = 255
+"""Where `count` stops."""
+NOTICE_BITS = 4
+"""Bits after the point of `notice_factor`."""
+
+# What the rays of one update of a texel add up to, in fixed point; up to 8192 rays (`accumulate`). `total` RGB has
+# `fraction` bits after the point, a number of the scene. `sums` are those of the contributions' luminance, `squares` of
+# its square, `rays` how many there were, those that brought nothing included: of the rays over the hemisphere, and of
+# those to lights (0 of these where no such rays are).
+RAY_GROUPS = 2
+SAMPLE_SUMS = np.dtype(
+    [
+        ("total", signed_bits(45), (3,)),
+        ("sums", bits(37), (RAY_GROUPS,)),
+        ("squares", bits(61), (RAY_GROUPS,)),
+        ("rays", bits(14), (RAY_GROUPS,)),
+    ]
+)
+
+# One update: of the texel before what bears on it, what its rays have brought, the settings (`running_average.
+# Blending`); and what the texel becomes.
+TEXEL_BLEND = np.dtype(
     [
         ("irradiance", F4, (3,)),
         ("count", bits(8)),
         ("heavy", bits(3)),
         ("deviation", bits(12)),
-        ("sample", F4, (3,)),
+        *((name, SAMPLE_SUMS[name]) for name in SAMPLE_SUMS.names or ()),
+        ("fraction", bits(5)),
         ("alpha_min", F4),
         ("alpha_heavy", F4),
         ("notice_factor", bits(8)),
@@ -354,9 +393,81 @@ BLEND = np.dtype(
         ("notice_count", bits(8)),
     ]
 )
-BLENDED = np.dtype(
-    [("irradiance", F4, (3,)), ("count", bits(8)), ("heavy", bits(3)), ("noticed", BOOL), ("deviation", bits(12))]
+TEXEL_BLENDED = np.dtype(
+    [
+        ("irradiance", F4, (3,)),
+        ("count", bits(8)),
+        ("heavy", bits(3)),
+        ("noticed", BOOL),
+        ("deviation", bits(12)),
+        ("spread", bits(12)),
+    ]
 )
+
+# --- texel visibility ---------------------------------------------------------------------------------------------
+# A texel and a view: its surface point and unit normal, the camera (`pinhole.View`), the side of a texel in the scene's
+# unit, what of the policy bears on tolerances (`policy.Policy`); `depth_fixed` is depth_texels sides of a texel.
+SCREEN_BITS = 15
+"""Of a picture's sides, 1 to 16384 pixels, and of rows and columns."""
+SHORTEST = np.float32(2.0**-40)
+"""Stands in for distances of zero."""
+UNSEEN, HIDDEN, LIKELY, SEEN = range(4)
+"""Degrees: off the screen or facing away; facing and on the screen, but something else is seen there; likely to be
+seen now or soon; seen."""
+LOD_BITS = 8
+"""Bits after the point of a pixel's level of detail."""
+TEXEL_PROJECT = np.dtype(
+    [
+        ("position", F4, (3,)),
+        ("normal", F4, (3,)),
+        ("eye", F4, (3,)),
+        ("right", F4, (3,)),
+        ("up", F4, (3,)),
+        ("forward", F4, (3,)),
+        ("focal", F4),
+        ("near", F4),
+        ("width", bits(SCREEN_BITS)),
+        ("height", bits(SCREEN_BITS)),
+        ("texel_size", F4),
+        ("facing_slack", F4),
+        ("depth_slopes", F4),
+        ("depth_limit", F4),
+        ("depth_relative", F4),
+        ("depth_fixed", F4),
+    ]
+)
+
+# Where it lies on the screen: the two columns and the two rows of the four pixels around it, its depth, and by how much
+# depths may differ that match. All zero where it is not `visible`: it faces away, is too near or off the screen.
+TEXEL_PLACE = np.dtype(
+    [
+        ("visible", BOOL),
+        ("depth", F4),
+        ("tolerance", F4),
+        ("column", bits(SCREEN_BITS), (2,)),
+        ("row", bits(SCREEN_BITS), (2,)),
+    ]
+)
+
+# Such a texel and its four pixels, row by row, each as in PIXEL; the tests of the policy. What they say: the degree
+# (UNSEEN to SEEN), and of a seen texel the level of detail, in whole levels.
+TAPS = 4
+TEXEL_MATCH = np.dtype(
+    [
+        ("normal", F4, (3,)),
+        ("depth", F4),
+        ("tolerance", F4),
+        ("pixel_depth", F4, (TAPS,)),
+        ("pixel_normal", F2, (3 * TAPS,)),
+        ("pixel_lod", I2, (TAPS,)),
+        ("normal_test", BOOL),
+        ("depth_test", BOOL),
+        ("normal_cosine", F4),
+        ("depth_doubt", F4),
+        ("lod_levels", bits(2)),
+    ]
+)
+TEXEL_MATCHED = np.dtype([("degree", bits(2)), ("lod", bits(2))])
 
 # --- influence ----------------------------------------------------------------------------------------------------
 # Where something that changed can matter to light ([0079] to [0083]). `kind` is 0 for a volume, 1 for a shadow, 2 for

@@ -51,6 +51,11 @@ def _operator(name: str, summary: str, source: np.dtype, result: np.dtype, *conf
     )
 
 
+def _operators(*names: str) -> tuple[str, ...]:
+    """The depths of operators, and how multipliers are written."""
+    return (*(f"operators.{name}_depth" for name in names), "operators.multiplier_blocks")
+
+
 def _by_name(*units: Unit) -> dict[str, Unit]:
     return {unit.name: unit for unit in units}
 
@@ -73,7 +78,9 @@ OPERATORS = _by_name(
     _operator("float_to_half", "float32 to binary16", _F.FLOAT_UNARY, _F.HALF, "convert_depth"),
     _operator("half_to_float", "binary16 to float32", _F.HALF_UNARY, _F.FLOAT, "convert_depth"),
     _operator("float_to_fixed", "float32 to fixed point", _F.FLOAT_TO_FIXED, _F.FIXED, "convert_depth"),
+    _operator("float_to_fixed_down", "float32 to fixed point, down", _F.FLOAT_TO_FIXED, _F.FIXED, "convert_depth"),
     _operator("fixed_to_float", "fixed point to float32", _F.FIXED_TO_FLOAT, _F.FLOAT, "convert_depth"),
+    _operator("fixed64_to_float", "fixed point of 64 bits to float32", _F.FIXED64_TO_FLOAT, _F.FLOAT, "convert_depth"),
 )
 """The number units, which have a twin of the same name and operands in `golden_model.numerics.floats`."""
 
@@ -128,6 +135,27 @@ UNITS = OPERATORS | _by_name(
         input=_F.NODE_TEST,
         output=_F.NODE_HITS,
         config=("operators.multiplier_blocks", "tree", "node_test"),
+    ),
+    Unit(
+        name="texel_project",
+        summary="where on the screen a texel lies, how deep, and how precisely",
+        input=_F.TEXEL_PROJECT,
+        output=_F.TEXEL_PLACE,
+        config=(*_operators("add", "multiply", "divide", "compare", "convert"), "texel.project_interval"),
+    ),
+    Unit(
+        name="texel_match",
+        summary="whether a texel is what the four pixels around it see",
+        input=_F.TEXEL_MATCH,
+        output=_F.TEXEL_MATCHED,
+        config=(*_operators("add", "multiply", "compare", "convert"), "texel.match_interval"),
+    ),
+    Unit(
+        name="texel_blend",
+        summary="what a texel becomes by a sample, and how unusual that was",
+        input=_F.TEXEL_BLEND,
+        output=_F.TEXEL_BLENDED,
+        config=(*_operators("add", "multiply", "divide", "sqrt", "compare", "convert"), "texel.blend_interval"),
     ),
     Unit(
         name="traversal",

@@ -124,5 +124,5 @@ class Maintainer:
         )
         gathered = yield from gather(world, update, self.sampling, collector, clock)
         with clock("blend"):
-            blend_texels(self.state, texel, gathered.irradiance, self.sampling.blending, frame, gathered.spread)
+            blend_texels(self.state, texel, gathered.sums, gathered.fraction, self.sampling.blending, frame)
         return gathered

@@ -140,6 +140,21 @@ def float_to_fixed(a: Array, fraction: Array | int = 0) -> Array:
 
 
 @quiet
+def float_to_fixed_down(a: Array, fraction: Array | int = 0) -> Array:
+    """float32 to int32 with `fraction` (0..31) bits after the point: the greatest integer that is not more than `a`,
+    saturating; NaN becomes 0.
+    """
+    scaled = np.floor(np.ldexp(flush(np.asarray(a)).astype(np.float64), np.asarray(fraction, dtype=np.int32)))
+    return np.clip(np.where(np.isnan(scaled), 0.0, scaled), -(2.0**31), 2.0**31 - 1).astype(np.int32)
+
+
+@quiet
 def fixed_to_float(a: Array, fraction: Array | int = 0) -> Array:
     """int32 with `fraction` (0..31) bits after the point to float32; never subnormal."""
     return np.ldexp(np.asarray(a).astype(np.float64), -np.asarray(fraction, dtype=np.int32)).astype(np.float32)
+
+
+@quiet
+def fixed64_to_float(a: Array, fraction: Array | int = 0) -> Array:
+    """int64 with `fraction` (0..31) bits after the point to float32; never subnormal."""
+    return np.ldexp(np.asarray(a).astype(np.int64).astype(np.float32), -np.asarray(fraction, dtype=np.int32))

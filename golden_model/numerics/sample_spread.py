@@ -8,13 +8,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from lightloom.golden_model.numerics.floats import float_add, float_divide, float_multiply, float_sqrt, float_to_fixed
+from lightloom.golden_model.contract.formats import RELATIVE_BITS, RELATIVE_MAX
+from lightloom.golden_model.numerics.floats import (
+    fixed64_to_float,
+    float_add,
+    float_divide,
+    float_minmax,
+    float_multiply,
+    float_sqrt,
+    float_to_fixed,
+)
 from lightloom.golden_model.numerics.vectors import dot
 
-RELATIVE_BITS = 8
-"""Bits after the point of `deviation` and `spread`."""
-LARGEST = 4095
-"""Where `deviation` and `spread` stop: 12 bits."""
 MEMORY_BITS = 3
 """The running mean of the deviation forgets with weight 2**-MEMORY_BITS."""
 LUMINANCE_BITS = 24
@@ -28,18 +33,18 @@ def luminance(rgb: np.ndarray) -> np.ndarray:
 
 
 def relative_deviation(old: np.ndarray, sample: np.ndarray) -> np.ndarray:
-    """|sample - old| over old, in luminance: (N, 3) and (N, 3) float32 to (N,) int64, 0 to LARGEST in 1/256ths.
+    """|sample - old| over old, in luminance: (N, 3) and (N, 3) float32 to (N,) int64, 0 to RELATIVE_MAX in 1/256ths.
 
-    Where nothing was (old is 0) any light is LARGEST, and none is 0.
+    Where nothing was (old is 0) any light is RELATIVE_MAX, and none is 0.
     """
     before, after = luminance(old), luminance(sample)
     distance = np.abs(float_add(after, before, subtract=True))
     fixed = float_to_fixed(float_divide(distance, before), RELATIVE_BITS).astype(np.int64)
-    return np.clip(fixed, 0, LARGEST)
+    return np.clip(fixed, 0, RELATIVE_MAX)
 
 
 def running_deviation(deviation: np.ndarray, latest: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """The running mean after one more deviation: (N,) integers 0 to LARGEST, (N,) int64.
+    """The running mean after one more deviation: (N,) integers 0 to RELATIVE_MAX, (N,) int64.
 
     `count` (N,), 1 to 255, is the number of samples in the average that the sample was compared with. The weight of the
     latest is 2**-s: s = 0 for the first deviation (count 1), 1 up to the third, 2 up to the seventh, then MEMORY_BITS.
@@ -55,25 +60,24 @@ def running_deviation(deviation: np.ndarray, latest: np.ndarray, count: np.ndarr
 
 
 def relative_spread(groups: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray | int]]) -> np.ndarray:
-    """Standard error of an update's sample over the sample: (M,) int64, 0 to LARGEST in 1/256ths.
+    """Standard error of an update's sample over the sample: (M,) int64, 0 to RELATIVE_MAX in 1/256ths.
 
     The sample is the sum of the contributions of several groups of rays (those over the hemisphere, those to lights).
-    `groups` holds for each the sums of luminance and of its square, (M,) int64 as from `accumulate.luminance_sums`,
-    and the number n of its rays, 1 or more ((M,) or one for all), those that brought nothing included. Were the rays
-    independent, n / (n - 1) * (squares - sum**2 / n) would estimate the variance of a group's sum without bias; as they
-    are stratified this is an upper estimate. A group of one ray says nothing and counts as 0, so does a dark sample.
+    `groups` holds for each the sums of luminance and of its square, (M,) integers as from `accumulate.luminance_sums`,
+    and the number n of its rays, (M,) or one for all, those that brought nothing included. Were the rays independent,
+    n / (n - 1) * (squares - sum**2 / n) would estimate the variance of a group's sum without bias; as they are
+    stratified this is an upper estimate. A group of one ray, or of none, says nothing and counts as 0, so does a dark
+    sample.
     """
-    texels = len(groups[0][0])
-    variance, total = np.zeros(texels, dtype=np.float32), np.zeros(texels, dtype=np.int64)
+    variance, total = np.float32(0), np.int64(0)
     for sums, squares, rays in groups:
-        count = np.broadcast_to(np.asarray(rays), texels)
-        n = count.astype(np.float32)
-        summed = sums.astype(np.float32)
-        about_mean = float_add(
-            squares.astype(np.float32), float_divide(float_multiply(summed, summed), n), subtract=True
-        )
-        factor = np.where(count > 1, float_divide(n, (count - 1).astype(np.float32)), np.float32(0))
-        variance = float_add(variance, float_multiply(np.maximum(about_mean, np.float32(0)), factor))
-        total += sums
-    relative = float_divide(float_sqrt(variance), total.astype(np.float32))
-    return np.clip(float_to_fixed(relative, RELATIVE_BITS).astype(np.int64), 0, LARGEST)
+        count = np.asarray(rays, dtype=np.int64)
+        n, others = fixed64_to_float(count), fixed64_to_float(count - 1)
+        summed = fixed64_to_float(sums)
+        mean_of_squares = float_divide(float_multiply(summed, summed), n)
+        about_mean = float_add(fixed64_to_float(squares), mean_of_squares, subtract=True)
+        factor = np.where(count > 1, float_divide(n, others), np.float32(0))
+        variance = float_add(variance, float_multiply(float_minmax(about_mean, np.float32(0), True), factor))
+        total = total + sums.astype(np.int64)
+    relative = float_divide(float_sqrt(variance), fixed64_to_float(total))
+    return np.clip(float_to_fixed(relative, RELATIVE_BITS).astype(np.int64), 0, RELATIVE_MAX)

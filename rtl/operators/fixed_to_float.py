@@ -1,4 +1,4 @@
-"""int32 with a binary point to float32."""
+"""int32 or int64 with a binary point to float32."""
 
 from typing import Any
 
@@ -12,9 +12,9 @@ from lightloom.rtl.operators.shifts import leading_zeros, shift_left
 
 def magnitude(m: Module, f: FloatFormat, *, a: Value, fraction: Value) -> dict[str, Any]:
     raw = Value.cast(a)
-    sign = raw[31]
-    absolute = Signal(32)
-    m.d.comb += absolute.eq((raw ^ sign.replicate(32)) + sign)
+    sign = raw[-1]
+    absolute = Signal(len(raw))
+    m.d.comb += absolute.eq((raw ^ sign.replicate(len(raw))) + sign)
     return {"absolute": absolute, "sign": sign, "fraction": fraction}
 
 
@@ -27,17 +27,18 @@ def normalise(
 ) -> dict[str, Any]:
     scaled = shift_left(m, absolute, zeros, "scaled")
     exponent = Signal(8)
-    m.d.comb += exponent.eq(158 - zeros - fraction)  # 158: exponent 31 and the bias
+    m.d.comb += exponent.eq(len(absolute) - 1 + f.bias - zeros - fraction)
     return {"scaled": scaled, "exponent": exponent, "sign": sign}
 
 
 def round_float(m: Module, f: FloatFormat, *, scaled: Value, exponent: Value, sign: Value) -> dict[str, Any]:
-    """The exponent stays between 96 and 159, so there is neither overflow nor underflow."""
-    kept, guard, sticky = scaled[8:31], scaled[7], scaled[:7].any()
+    """The exponent stays between 96 and 191, so there is neither overflow nor underflow."""
+    lost = len(scaled) - f.precision
+    kept, guard, sticky = scaled[lost:-1], scaled[lost - 1], scaled[: lost - 1].any()
     packed = Signal(31)
     z = Signal(32)  # z stays 0 for 0
     m.d.comb += packed.eq(Cat(kept, exponent) + (guard & (sticky | kept[0])))
-    with m.If(scaled[31]):
+    with m.If(scaled[-1]):
         m.d.comb += z.eq(Cat(packed, sign))
     return {"z": z}
 
@@ -50,3 +51,13 @@ class FixedToFloat(StepCore):
     @classmethod
     def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
         return [(magnitude, 12), (count, 10), (normalise, 10), (round_float, 12)]
+
+
+class Fixed64ToFloat(StepCore):
+    """Fixed point of 64 bits to float32; depth 0 to 4."""
+
+    declared = PURE["fixed64_to_float"]
+
+    @classmethod
+    def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
+        return [(magnitude, 14), (count, 12), (normalise, 12), (round_float, 12)]

@@ -36,7 +36,11 @@ def round_fixed(
 
     Rounding never overflows: where bits fall out, the magnitude is below 2**23.
     """
-    up = guard & (sticky | kept[0])
+    return {"z": fixed(m, kept=kept, up=guard & (sticky | kept[0]), saturate=saturate, nan=nan, sign=sign)}
+
+
+def fixed(m: Module, *, kept: Value, up: Value, saturate: Value, nan: Value, sign: Value) -> Signal:
+    """The integer of a magnitude, one more where `up`, and a sign."""
     z = Signal(32)
     with m.If(nan):
         m.d.comb += z.eq(0)
@@ -44,7 +48,7 @@ def round_fixed(
         m.d.comb += z.eq(Mux(sign, 0x80000000, 0x7FFFFFFF))
     with m.Else():
         m.d.comb += z.eq((Cat(kept, Const(0, 1)) ^ sign.replicate(32)) + (up ^ sign))
-    return {"z": z}
+    return z
 
 
 class FloatToFixed(StepCore):

@@ -156,7 +156,7 @@ def test_the_same_seed_gives_the_same_bits(tmp_path: Path, monkeypatch: pytest.M
         mixed = replace(update, texel=update.texel[order], record=update.record[order], number=update.number[order])
         done = yield from gather(world, mixed, *others)
         back = np.argsort(order)
-        return replace(done, irradiance=done.irradiance[back], spread=done.spread[back])
+        return replace(done, sums=done.sums[back])
 
     monkeypatch.setattr(maintainer, "gather", shuffled)
     assert same(once, frames_of(scene, maps, 5, seed=seed))

@@ -17,6 +17,9 @@ from lightloom.rtl.intersection.node_test import NodeTest
 from lightloom.rtl.intersection.ray_setup import RaySetup
 from lightloom.rtl.intersection.ray_time import RayTime
 from lightloom.rtl.intersection.ray_triangle import RayTriangle
+from lightloom.rtl.maintenance.texel_blend import TexelBlend
+from lightloom.rtl.maintenance.texel_match import TexelMatch
+from lightloom.rtl.maintenance.texel_project import TexelProject
 from lightloom.sim.bulk import BulkUnit
 from lightloom.verif.vectors.unit_vectors import unit_vectors
 from tests import ROOT
@@ -24,11 +27,14 @@ from tests.rtl.agreement import SLACK
 
 SEED = 2016
 COUNT = 10_000
-QUICK = [(RayTriangle, 8), (BoxSetup, 3)]
+QUICK = [(RayTriangle, 8), (BoxSetup, 3), (TexelProject, 16), (TexelMatch, 4), (TexelBlend, 16)]
 LONG = [
     *((RayTriangle, interval) for interval in (3, 4, 16, 32)),
     *((core, interval) for core in (RaySetup, RayTime, NodeTest) for interval in (2, 5)),
     (BoxSetup, 32),
+    *((TexelProject, interval) for interval in (1, 2, 4, 32)),
+    *((TexelMatch, interval) for interval in (1, 16, 32)),
+    *((TexelBlend, interval) for interval in (1, 4, 32)),
 ]
 
 

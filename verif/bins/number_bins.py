@@ -305,15 +305,63 @@ def _to_fixed(i: np.ndarray, o: np.ndarray) -> Groups:
             tie_cut_off=inside & (more > 0) & tie,
             tie_raised=inside & (more < 0) & tie,
         ),
-        "range": cases(
-            zero=z == 0,
-            rounded_to_zero=(exact != 0) & (z == 0),
-            greatest=z == 2**31 - 1,
-            least=z == -(2**31),
-            above=np.isfinite(exact) & (exact > 2**31),
-            below=np.isfinite(exact) & (exact < -(2.0**31)),
-            the_least_itself=exact == -(2.0**31),
+        "range": _range(exact, z),
+    }
+
+
+@quiet
+def _to_fixed_down(i: np.ndarray, o: np.ndarray) -> Groups:
+    exact, z = np.ldexp(wide(i["a"]), i["fraction"].astype(np.int32)), o["z"].astype(np.float64)
+    inside = np.abs(z - exact) < 1
+    return {
+        "operand": signed(i["a"]),
+        "fraction": {str(k): int((i["fraction"] == k).sum()) for k in range(32)},
+        "rounding": cases(
+            exact=inside & (exact == z) & (z != 0),
+            positive=inside & (exact > z) & (z > 0),
+            negative=inside & (exact > z) & (z < -1),
+            to_minus_one=inside & (exact > z) & (z == -1),
+            minus_zero=np.signbit(i["a"]) & (exact == 0),
         ),
+        "range": _range(exact, z),
+    }
+
+
+def _range(exact: np.ndarray, z: np.ndarray) -> dict[str, int]:
+    """Where results saturate, and what becomes zero."""
+    return cases(
+        zero=z == 0,
+        rounded_to_zero=(exact != 0) & (z == 0),
+        greatest=z == 2**31 - 1,
+        least=z == -(2**31),
+        above=np.isfinite(exact) & (exact > 2**31),
+        below=np.isfinite(exact) & (exact < -(2.0**31)),
+        the_least_itself=exact == -(2.0**31),
+    )
+
+
+@quiet
+def _from_fixed64(i: np.ndarray, o: np.ndarray) -> Groups:
+    """The remainder of 64 bits by the result, in integers."""
+    a = i["a"]
+    whole = np.where(a < 0, np.uint64(0) - a.view(np.uint64), a.view(np.uint64))
+    kept = np.ldexp(np.abs(o["z"]).astype(np.float64), i["fraction"].astype(np.int32)).astype(np.uint64)
+    size = np.maximum(np.frexp(whole.astype(np.float64))[1] - 24, 0)
+    rest = (whole - kept).view(np.int64)
+    tie = 2 * np.abs(rest) == 1 << np.minimum(size, 62)
+    return {
+        "operand": cases(zero=a == 0, least=a == np.iinfo(a.dtype).min, greatest=a == np.iinfo(a.dtype).max),
+        "sign": cases(positive=a > 0, negative=a < 0),
+        "fraction": {str(k): int((i["fraction"] == k).sum()) for k in range(32)},
+        "highest bit": {str(k): int(((whole >> np.uint64(k)) == 1).sum()) for k in range(64)},
+        "rounding": cases(
+            exact=(rest == 0) & (a != 0),
+            cut_off=(rest > 0) & ~tie,
+            raised=(rest < 0) & ~tie,
+            tie_cut_off=(rest > 0) & tie,
+            tie_raised=(rest < 0) & tie,
+        ),
+        "rounded to a power of two": cases(raised=(np.frexp(o["z"])[0] == 0.5) & (rest < 0)),
     }
 
 
@@ -341,6 +389,8 @@ BINS: dict[str, Callable[[np.ndarray, np.ndarray], Groups]] = {
     "float_to_half": _to_half,
     "half_to_float": _from_half,
     "float_to_fixed": _to_fixed,
+    "float_to_fixed_down": _to_fixed_down,
     "fixed_to_float": _from_fixed,
+    "fixed64_to_float": _from_fixed64,
 }
 """The groups of each number unit."""

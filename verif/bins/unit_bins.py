@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from lightloom.verif.bins import number_bins, ray_bins
+from lightloom.verif.bins import number_bins, ray_bins, texel_bins
 from lightloom.verif.bins.coverage import Groups, cases
 from lightloom.verif.bins.number_bins import signed
 
-BINS = number_bins.BINS | ray_bins.BINS
+BINS = number_bins.BINS | ray_bins.BINS | texel_bins.BINS
 """Functions of operands and results (N,), by unit."""
 
 

@@ -91,12 +91,12 @@ def _half_ties() -> np.ndarray:
     return np.concatenate([exact, exact + 1, np.maximum(exact, 1) - 1, exact | np.uint32(1 << 31)])
 
 
-def _integers() -> np.ndarray:
-    """Sums and differences of two powers of two, and their neighbours."""
-    powers = np.array([0, *(1 << k for k in range(32))], np.int64)
+def _integers(width: int) -> np.ndarray:
+    """Sums and differences of two powers of two, and their neighbours, in `width` bits."""
+    powers = np.array([0, *(1 << k for k in range(width))], np.uint64)
     both = np.concatenate([(powers[:, None] + powers).ravel(), (powers[:, None] - powers).ravel()])
-    near = (both[:, None] + np.arange(-1, 2)).ravel()
-    return np.unique((near & 0xFFFFFFFF).astype(np.uint32))
+    near = np.concatenate([both - np.uint64(1), both, both + np.uint64(1)])
+    return np.unique(near & np.uint64((1 << width) - 1)).astype(f"<u{width // 8}")
 
 
 def corner_vectors(name: str) -> np.ndarray:
@@ -118,11 +118,13 @@ def corner_vectors(name: str) -> np.ndarray:
             return _records(name, np.concatenate([MANY, _half_ties()]))
         case "half_to_float":
             return _records(name, np.arange(1 << 16))
-        case "float_to_fixed":
+        case "float_to_fixed" | "float_to_fixed_down":
             spread = _records(name, MANY, np.arange(MANY.size) % 32)
             return np.concatenate([_records(name, VALUES[:, None], np.arange(32)), spread])
         case "fixed_to_float":
-            return _records(name, _integers()[:, None], np.arange(32))
+            return _records(name, _integers(32)[:, None], np.arange(32))
+        case "fixed64_to_float":
+            return _records(name, _integers(64)[:, None], np.arange(0, 32, 5))
     raise KeyError(name)
 
 
@@ -245,7 +247,7 @@ def random_vectors(name: str, count: int, seed: int) -> np.ndarray:
             return _records(name, np.where(rng.random(count) < 0.7, scaled, a))
         case "half_to_float":
             return _records(name, a >> np.uint32(16))
-        case "float_to_fixed":
+        case "float_to_fixed" | "float_to_fixed_down":
             fraction = rng.integers(0, 32, count)
             scaled = _with_exponent(_bits(rng, count), 127 - fraction + rng.integers(-4, 34, count))
             return _records(name, np.where(rng.random(count) < 0.7, scaled, a), fraction)
@@ -254,4 +256,10 @@ def random_vectors(name: str, count: int, seed: int) -> np.ndarray:
             return _records(
                 name, (_bits(rng, count).view(np.int32) >> shift).astype(np.uint32), rng.integers(0, 32, count)
             )
+        case "fixed64_to_float":
+            wide = rng.integers(0, 1 << 64, count, dtype=np.uint64).view(np.int64) >> rng.integers(0, 64, count)
+            # A few bits below the significand decide how it is rounded.
+            kept = rng.integers(0, 64, count)
+            short = np.where(rng.random(count) < 0.3, wide >> kept << kept, wide)
+            return _records(name, short.view(np.uint64), rng.integers(0, 32, count))
     raise KeyError(name)

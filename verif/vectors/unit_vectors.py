@@ -9,6 +9,7 @@ from lightloom.verif.vectors.any_vectors import any_vectors
 from lightloom.verif.vectors.box_vectors import box_setup_vectors, node_test_vectors, ray_time_vectors
 from lightloom.verif.vectors.number_vectors import corner_vectors, random_vectors
 from lightloom.verif.vectors.ray_vectors import ray_setup_vectors, ray_triangle_vectors
+from lightloom.verif.vectors.texel_vectors import texel_blend_vectors, texel_match_vectors, texel_project_vectors
 
 VECTORS: dict[str, Callable[[int, int], np.ndarray]] = {
     "ray_setup": ray_setup_vectors,
@@ -17,6 +18,9 @@ VECTORS: dict[str, Callable[[int, int], np.ndarray]] = {
     "ray_time": ray_time_vectors,
     "box_setup": box_setup_vectors,
     "node_test": node_test_vectors,
+    "texel_project": texel_project_vectors,
+    "texel_match": texel_match_vectors,
+    "texel_blend": texel_blend_vectors,
 }
 """Functions of count and seed. A unit that is not here gets what fits its input format."""
 

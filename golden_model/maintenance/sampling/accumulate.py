@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lightloom.golden_model.numerics.floats import float_to_fixed
+from lightloom.golden_model.numerics.floats import fixed64_to_float, float_to_fixed
 from lightloom.golden_model.numerics.sample_spread import LUMINANCE_BITS, luminance
 from lightloom.golden_model.scene.scene import Scene
 
@@ -81,6 +81,6 @@ def settled(totals: list[int]) -> bool:
     return last <= 0 or (last < before and (last * last << SETTLED_BITS) < totals[-1] * (before - last))
 
 
-def irradiance(total: np.ndarray, fraction: int) -> np.ndarray:
-    """Accumulators (M, 3) int64 to float32, rounded once; |total| < 2**53."""
-    return np.ldexp(total.astype(np.float64), -fraction).astype(np.float32)
+def irradiance(total: np.ndarray, fraction: np.ndarray | int) -> np.ndarray:
+    """Accumulators (M, 3) int64 to float32, rounded once."""
+    return np.asarray(fixed64_to_float(total, fraction))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lightloom.golden_model.contract.formats import SAMPLE_SUMS
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.maintenance.sampling.accumulate import accumulate, irradiance, luminance_sums
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
@@ -21,7 +22,6 @@ from lightloom.golden_model.maintenance.sampling.texel_rays import (
     texel_rays,
 )
 from lightloom.golden_model.numerics.counter_rng import hash_u32
-from lightloom.golden_model.numerics.sample_spread import relative_spread
 from lightloom.golden_model.numerics.vectors import add, multiply
 from lightloom.golden_model.rays.collector import MAINTENANCE, Collector
 from lightloom.golden_model.rays.hit_shading import Onward, direct_at_hits, shade_rays
@@ -56,12 +56,17 @@ class World:
 class Gathered:
     """What rays brought to M texels."""
 
-    irradiance: np.ndarray
-    """One sample of each texel's irradiance, (M, 3) float32."""
-    spread: np.ndarray
-    """Its relative standard error as its rays tell, (M,) int64, 0 to 4095 in 1/256ths."""
+    sums: np.ndarray
+    """What it adds up to at each, SAMPLE_SUMS (M,)."""
+    fraction: int
+    """Bits after the point of the totals."""
     rays: dict[str, int]
     """Rays traced by kind: "indirect", "specular" (on from mirrors and glass), "shadow"."""
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """One sample of each texel's irradiance, (M, 3) float32."""
+        return irradiance(self.sums["total"], self.fraction)
 
 
 def gather(world: World, update: Update, sampling: Sampling, collector: Collector, clock: Stopwatch) -> Waves[Gathered]:
@@ -162,8 +167,10 @@ def _added_up(
     """Contributions (R, 3) of the rays over the hemisphere, and of the shadow rays that `arrived` (S,), by texel."""
     texels = len(rays.directions)
     slot, light = rays.shadow_slot[arrived], rays.light[arrived]
-    total = accumulate(np.concatenate([rays.indirect_slot, slot]), np.concatenate([indirect, light]), texels, fraction)
-    groups = [(*luminance_sums(rays.indirect_slot, indirect, texels, fraction), rays.directions)]
-    if rays.light_samples:
-        groups.append((*luminance_sums(slot, light, texels, fraction), np.asarray(rays.light_samples)))
-    return Gathered(irradiance=irradiance(total, fraction), spread=relative_spread(groups), rays=traced)
+    sums = np.zeros(texels, dtype=SAMPLE_SUMS)
+    both = np.concatenate([rays.indirect_slot, slot]), np.concatenate([indirect, light])
+    sums["total"] = accumulate(*both, texels, fraction)
+    for k, group in enumerate(((rays.indirect_slot, indirect), (slot, light))):
+        sums["sums"][:, k], sums["squares"][:, k] = luminance_sums(*group, texels, fraction)
+    sums["rays"][:, 0], sums["rays"][:, 1] = rays.directions, rays.light_samples
+    return Gathered(sums=sums, fraction=fraction, rays=traced)

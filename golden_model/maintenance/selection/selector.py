@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lightloom.golden_model.contract.formats import LIKELY, SEEN
 from lightloom.golden_model.maintenance.sampling.running_average import drop
 from lightloom.golden_model.maintenance.selection.classes import Share, class_table, needs, quotas
 from lightloom.golden_model.maintenance.selection.influence.changes import table_of
@@ -20,7 +21,7 @@ from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import CLASSES, SHARE, Policy
 from lightloom.golden_model.maintenance.selection.round_robin import RoundRobin
 from lightloom.golden_model.maintenance.selection.variability import Variability
-from lightloom.golden_model.maintenance.selection.visibility import LIKELY, SEEN, Sight, Visibility
+from lightloom.golden_model.maintenance.selection.visibility import Sight, Visibility
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.pinhole import View
 from lightloom.golden_model.scene.scene import Scene

@@ -1,29 +1,34 @@
 """How likely each texel is to be seen: texel to surface, surface to screen, and what the G-buffer says there.
 
 [0068] to [0070], FIG. 8 and 9, claim 15. Cheap tests first: the texel's normal, then its depth, against those of the
-four pixels around its place on the screen. What they leave in doubt (a depth slightly off, a silhouette, the border of
-the picture) is likely to be seen, and may be decided by a ray from the texel to the eye.
+four pixels around its place on the screen (`texel_project`, `texel_match`). What they leave in doubt (a depth slightly
+off, a silhouette, the border of the picture) is likely to be seen, and may be decided by a ray from the texel to the
+eye.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import RAY
+from lightloom.golden_model.contract.formats import (
+    HIDDEN,
+    LIKELY,
+    PIXEL,
+    RAY,
+    SEEN,
+    TEXEL_MATCH,
+    TEXEL_PROJECT,
+    UNSEEN,
+)
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.maintenance.selection.round_robin import RoundRobin
-from lightloom.golden_model.numerics.floats import flush, quiet
-from lightloom.golden_model.numerics.vectors import dot, subtract
-from lightloom.golden_model.scene.pinhole import View, to_view
+from lightloom.golden_model.maintenance.selection.texel_match import texel_match
+from lightloom.golden_model.maintenance.selection.texel_project import texel_project
+from lightloom.golden_model.numerics.floats import float_multiply, float_to_half, quiet
+from lightloom.golden_model.numerics.vectors import subtract
+from lightloom.golden_model.scene.pinhole import View
 from lightloom.golden_model.tracing.trace_protocol import Trace
-
-UNSEEN, HIDDEN, LIKELY, SEEN = range(4)
-"""Degrees: off the screen or facing away; facing and on the screen, but something else is seen there; likely to be
-seen now or soon; seen."""
-
-SHORTEST = np.float32(2.0**-40)
-"""Stands in for distances of zero."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +41,6 @@ class Sight:
     """Level of detail at which a seen texel is read: whole levels, 0 to 3, 0 for others, (N,) uint8."""
 
 
-@quiet
 def screen_test(
     position: np.ndarray, normal: np.ndarray, view: View, gbuffer: np.ndarray, texel_size: float, policy: Policy
 ) -> Sight:
@@ -46,106 +50,46 @@ def screen_test(
     screen where the policy has neither of the two tests.
     """
     count = len(position)
-    degree, lod = np.zeros(count, dtype=np.uint8), np.zeros(count, dtype=np.uint8)
-    size = np.asarray(texel_size, dtype=np.float32)
-
-    # Facing: the distance of the eye from the texel's plane, against a part of the distance along the view axis.
-    towards = subtract(view.position, position)
-    height = dot(normal, towards)
-    place = to_view(view, position)
-    depth = place[:, 2]
-    facing = height > flush(depth * -np.float32(policy.facing_slack))
-    chosen = np.flatnonzero((depth > view.near) & facing)
-
-    # On the screen, or off it by less than a texel: pixels at the border may read the texel all the same.
-    depth, height = depth[chosen], np.abs(height[chosen])
-    inverse = flush(np.float32(1) / depth)
-    x = flush(flush(flush(place[chosen, 0] * view.focal) * inverse) + np.float32(view.width / 2))
-    y = flush(np.float32(view.height / 2) - flush(flush(place[chosen, 1] * view.focal) * inverse))
-    pixels = flush(inverse * flush(np.asarray(size * view.focal)))
-    outside = np.maximum(
-        np.maximum(np.maximum(-x, flush(x - np.float32(view.width))), -y), flush(y - np.float32(view.height))
-    )
-    near = outside < pixels
-    chosen, depth, height, inverse, x, y = (a[near] for a in (chosen, depth, height, inverse, x, y))
-    outside = np.maximum(outside[near], np.float32(0))
-
-    # How much the texel's plane rises in depth over a pixel: z*z * (|nx| + |ny|) / (focal * height of the eye over it).
-    sideways = [np.abs(dot(normal[chosen], axis)) for axis in (view.right, view.up)]
-    steep = flush(flush(flush(sideways[0] + sideways[1]) * depth) / np.maximum(flush(view.focal * height), SHORTEST))
-    reach = flush(np.float32(policy.depth_slopes) * flush(np.float32(1) + outside))
-    slope = np.minimum(flush(steep * reach), np.float32(policy.depth_limit))
-    fixed = flush(np.asarray(size * np.float32(policy.depth_texels)))
-    tolerance = flush(flush(flush(slope + np.float32(policy.depth_relative)) * depth) + fixed)
-    doubt = flush(tolerance * np.float32(policy.depth_doubt))
-
-    best = np.full(len(chosen), HIDDEN, dtype=np.uint8)
-    level = np.full(len(chosen), 32767, dtype=np.int16)
-    picture = _picture(gbuffer)
-    wanted = normal[chosen]
-    columns, rows = _taps(x, view.width), _taps(y, view.height)
-    for row in rows:
-        for column in columns:
-            pixel = row * view.width + column
-            outcome = _compare(wanted, depth, tolerance, doubt, pixel, picture, policy)
-            best = np.maximum(best, outcome)
-            level = np.where(outcome == SEEN, np.minimum(level, picture.lod[pixel]), level)
-    degree[chosen] = best
-    whole = np.clip((level.astype(np.int32) + 128) >> 8, 0, policy.lod_levels)
-    lod[chosen] = np.where(best == SEEN, whole, 0)
+    degree, lod = np.full(count, UNSEEN, dtype=np.uint8), np.zeros(count, dtype=np.uint8)
+    place = texel_project(_to_project(position, normal, view, texel_size, policy))
+    visible = np.flatnonzero(place["visible"])
+    found = texel_match(_to_match(normal[visible], place[visible], pixels_of(gbuffer), policy))
+    degree[visible], lod[visible] = found["degree"], found["lod"]
     return Sight(degree=degree, lod=lod)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Picture:
-    """The fields of a G-buffer that are compared, each of its own: (P,) or (P, 3)."""
-
-    depth: np.ndarray
-    normal: np.ndarray
-    lod: np.ndarray
-    empty: np.ndarray
+def pixels_of(gbuffer: np.ndarray) -> np.ndarray:
+    """What the tests read of GBUFFER (H, W): PIXEL (H, W)."""
+    out = np.zeros(gbuffer.shape, dtype=PIXEL)
+    out["depth"], out["lod"] = gbuffer["depth"], gbuffer["lod"]
+    out["normal"] = float_to_half(gbuffer["normal"])
+    return out
 
 
-def _picture(gbuffer: np.ndarray) -> _Picture:
-    flat = gbuffer.reshape(-1)
-    return _Picture(
-        depth=np.ascontiguousarray(flat["depth"]),
-        normal=np.ascontiguousarray(flat["normal"]),
-        lod=np.ascontiguousarray(flat["lod"]),
-        empty=flat["primitive"] < 0,
-    )
+def _to_project(position: np.ndarray, normal: np.ndarray, view: View, texel_size: float, policy: Policy) -> np.ndarray:
+    """TEXEL_PROJECT (N,)."""
+    out = np.zeros(len(position), dtype=TEXEL_PROJECT)
+    out["position"], out["normal"], out["eye"] = position, normal, view.position
+    for name in ("right", "up", "forward", "focal", "near", "width", "height"):
+        out[name] = getattr(view, name)
+    for name in ("facing_slack", "depth_slopes", "depth_limit", "depth_relative"):
+        out[name] = getattr(policy, name)
+    out["texel_size"] = texel_size
+    out["depth_fixed"] = float_multiply(np.float32(texel_size), np.float32(policy.depth_texels))
+    return out
 
 
-def _taps(coordinate: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """The two pixels (of a row or column) whose centres lie around screen coordinates (N,), kept on the screen."""
-    first = np.floor(flush(coordinate - np.float32(0.5))).astype(np.int64)
-    return np.clip(first, 0, size - 1), np.clip(first + 1, 0, size - 1)
-
-
-def _compare(
-    normal: np.ndarray,
-    depth: np.ndarray,
-    tolerance: np.ndarray,
-    doubt: np.ndarray,
-    pixel: np.ndarray,
-    picture: _Picture,
-    policy: Policy,
-) -> np.ndarray:
-    """What one pixel (N,) says of each texel: HIDDEN, LIKELY (in doubt) or SEEN."""
-    behind = flush(depth - picture.depth[pixel])
-    same_depth = np.abs(behind) <= tolerance
-    if policy.normal_test:
-        same_normal = dot(normal, picture.normal[pixel]) >= np.float32(policy.normal_cosine)
-        # Beside an empty pixel may be a silhouette. A crease has the depth but not the normal.
-        doubtful = picture.empty[pixel] | (same_depth & policy.depth_test)
-        if not policy.depth_test:
-            return np.where(same_normal, SEEN, np.where(doubtful, LIKELY, HIDDEN)).astype(np.uint8)
-        doubtful |= same_normal & (behind < doubt)
-        return np.where(same_normal & same_depth, SEEN, np.where(doubtful, LIKELY, HIDDEN)).astype(np.uint8)
-    if policy.depth_test:
-        # Nearer than what the pixel sees: a silhouette, or geometry thinner than a pixel.
-        return np.where(same_depth, SEEN, np.where(behind < doubt, LIKELY, HIDDEN)).astype(np.uint8)
-    return np.full(len(depth), LIKELY, dtype=np.uint8)
+def _to_match(normal: np.ndarray, place: np.ndarray, pixels: np.ndarray, policy: Policy) -> np.ndarray:
+    """TEXEL_MATCH (N,) of visible texels' normals and TEXEL_PLACE (N,), and PIXEL (H, W)."""
+    out = np.zeros(len(place), dtype=TEXEL_MATCH)
+    out["normal"], out["depth"], out["tolerance"] = normal, place["depth"], place["tolerance"]
+    for name in ("normal_test", "depth_test", "normal_cosine", "depth_doubt", "lod_levels"):
+        out[name] = getattr(policy, name)
+    for tap, (row, column) in enumerate(np.ndindex(2, 2)):
+        pixel = pixels[place["row"][:, row], place["column"][:, column]]
+        out["pixel_depth"][:, tap], out["pixel_lod"][:, tap] = pixel["depth"], pixel["lod"]
+        out["pixel_normal"][:, 3 * tap : 3 * tap + 3] = pixel["normal"]
+    return out
 
 
 @quiet

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lightloom.golden_model.contract import bitpack, formats
-from lightloom.golden_model.contract.formats import BOOL, F2, F4, I4, bits, field_width
+from lightloom.golden_model.contract.formats import BOOL, F2, F4, I4, I8, bits, field_width, signed_bits
 from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.fabric.layouts import layout_of, packet_of
 
@@ -33,14 +33,15 @@ def test_widths() -> None:
         9,
         32,
     ]
-    assert [bits(n).itemsize for n in (1, 8, 9, 16, 17, 32)] == [1, 1, 2, 2, 4, 4]
+    assert [field_width(t) for t in (I8, bits(33), bits(64), signed_bits(45))] == [64, 33, 64, 45]
+    assert [bits(n).itemsize for n in (1, 8, 9, 16, 17, 32, 33, 64)] == [1, 1, 2, 2, 4, 4, 8, 8]
     assert bitpack.width(formats.RAY) == 8 * 32
     assert bitpack.width(formats.RAY_TRIANGLE) == 17 * 32 + 2 + 1 + 1
     assert bitpack.words(formats.RAY_TRIANGLE) == 18
     assert bitpack.width(formats.TRIANGLE_HIT) == 98
 
 
-@pytest.mark.parametrize("width", [0, -1, 33])
+@pytest.mark.parametrize("width", [0, -1, 65])
 def test_widths_out_of_range_are_refused(width: int) -> None:
     with pytest.raises(ValueError, match=str(width)):
         bits(width)
@@ -103,13 +104,14 @@ def test_equality_is_of_bits() -> None:
 
 
 @settings(deadline=None)
-@given(st.integers(1, 32), st.integers(1, 32), st.data())
-def test_bit_fields_of_any_width(low: int, high: int, data: st.DataObject) -> None:
-    dtype = np.dtype([("low", bits(low)), ("high", bits(high))])
+@given(st.integers(1, 64), st.integers(1, 64), st.integers(1, 64), st.data())
+def test_bit_fields_of_any_width(low: int, high: int, signed: int, data: st.DataObject) -> None:
+    dtype = np.dtype([("low", bits(low)), ("high", bits(high)), ("signed", signed_bits(signed))])
     one, two = data.draw(st.integers(0, (1 << low) - 1)), data.draw(st.integers(0, (1 << high) - 1))
-    record = np.array([(one, two)], dtype=dtype)
+    three = data.draw(st.integers(-(1 << signed - 1), (1 << signed - 1) - 1))
+    record = np.array([(one, two, three)], dtype=dtype)
     whole = sum(int(word) << 32 * k for k, word in enumerate(bitpack.pack(record)[0]))
-    assert whole == one | two << low
+    assert whole == one | two << low | (three & (1 << signed) - 1) << low + high
     assert (bitpack.unpack(bitpack.pack(record), dtype) == record).all()
 
 

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lightloom.golden_model.contract.formats import RELATIVE_MAX
 from lightloom.golden_model.maintenance.sampling.accumulate import light_of, luminance_sums, settled
 from lightloom.golden_model.numerics.sample_spread import (
-    LARGEST,
     luminance,
     relative_deviation,
     relative_spread,
@@ -37,13 +37,13 @@ def test_luminance_weighs_the_channels_one_two_one() -> None:
 def test_relative_deviation_is_the_exact_one_within_a_rounding(old: float, sample: float) -> None:
     found = int(relative_deviation(grey(old), grey(sample))[0])
     if old == 0:
-        assert found == (LARGEST if sample else 0)
+        assert found == (RELATIVE_MAX if sample else 0)
         return
     exact = abs(Fraction(sample) - Fraction(old)) / Fraction(old) * 256
-    if exact >= LARGEST + 1:
-        assert found == LARGEST
+    if exact >= RELATIVE_MAX + 1:
+        assert found == RELATIVE_MAX
     else:
-        assert abs(found - exact) <= Fraction(1) / 2 + exact / 2**21 + (exact > LARGEST)
+        assert abs(found - exact) <= Fraction(1) / 2 + exact / 2**21 + (exact > RELATIVE_MAX)
 
 
 def test_any_channel_that_changes_shows() -> None:
@@ -54,7 +54,7 @@ def test_any_channel_that_changes_shows() -> None:
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)
-@given(start=st.integers(0, LARGEST), goal=st.integers(0, LARGEST))
+@given(start=st.integers(0, RELATIVE_MAX), goal=st.integers(0, RELATIVE_MAX))
 def test_running_mean_goes_all_the_way_and_by_an_eighth(start: int, goal: int) -> None:
     value = np.array([start])
     for _ in range(60):

@@ -8,14 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lightloom.golden_model.contract.formats import BLEND, TEXEL_STATE
+from lightloom.golden_model.contract.formats import TEXEL_BLEND, TEXEL_STATE
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.parameters import parameters
 from lightloom.golden_model.maintenance.sampling.accumulate import accumulate, fraction_bits, irradiance
-from lightloom.golden_model.maintenance.sampling.running_average import Blending, blend, blend_texels, drop, mark_heavy
+from lightloom.golden_model.maintenance.sampling.running_average import Blending, blend_texels, drop, mark_heavy
+from lightloom.golden_model.maintenance.sampling.texel_blend import texel_blend
 from lightloom.golden_model.numerics.floats import float_to_fixed
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
 from tests import ROOT
+from tests.golden_model.maintenance.sample_sums import FRACTION, sums_of
 
 
 def rounded(value: Fraction) -> np.float32:
@@ -33,14 +35,15 @@ def rounded(value: Fraction) -> np.float32:
 def test_blend_rounds_each_operation_once() -> None:
     seed = 5
     rng = np.random.default_rng(seed)
-    operands = np.zeros(1500, dtype=BLEND)
+    operands = np.zeros(1500, dtype=TEXEL_BLEND)
     operands["irradiance"] = rng.uniform(0, 50, (1500, 3))
-    operands["sample"] = rng.uniform(0, 50, (1500, 3))
+    operands["total"] = rng.integers(0, 50 << 30, (1500, 3))
+    operands["fraction"] = rng.integers(25, 32, 1500)
     operands["count"] = rng.choice([0, 1, 2, 3, 5, 8, 9, 10, 11, 40, 254, 255], 1500)
     operands["heavy"] = rng.choice([0, 0, 1, 7], 1500)
     operands["alpha_min"] = rng.choice(np.array([0.1, 0.01, 0.5, 1.0, 0.0], dtype=np.float32), 1500)
     operands["alpha_heavy"] = rng.choice(np.array([0.05, 0.5, 1.0], dtype=np.float32), 1500)
-    result = blend(operands)
+    result = texel_blend(operands)
     for operand, out in zip(operands, result, strict=True):
         n = int(operand["count"])
         assert out["count"] == min(n + 1, 255)
@@ -48,8 +51,8 @@ def test_blend_rounds_each_operation_once() -> None:
         alpha = max(rounded(Fraction(1, n + 1)), operand["alpha_min"])
         if operand["heavy"]:
             alpha = max(alpha, operand["alpha_heavy"])
-        for old, sample, new in zip(operand["irradiance"], operand["sample"], out["irradiance"], strict=True):
-            expected = sample
+        for old, total, new in zip(operand["irradiance"], operand["total"], out["irradiance"], strict=True):
+            expected = sample = rounded(Fraction(int(total), 1 << int(operand["fraction"])))
             if n:
                 difference = rounded(Fraction(float(sample)) - Fraction(float(old)))
                 step = rounded(Fraction(float(alpha)) * Fraction(float(difference)))
@@ -63,10 +66,10 @@ def test_weight_is_the_mean_first_and_then_the_floor() -> None:
     texel = np.zeros(1, dtype=np.int64)
     samples = np.random.default_rng(0).uniform(0, 9, (10, 1, 3)).astype(np.float32)
     for k, sample in enumerate(samples):
-        blend_texels(state, texel, sample, Blending(), k)
+        blend_texels(state, texel, sums_of(sample), FRACTION, Blending(), k)
     assert state["irradiance"][0] == pytest.approx(samples.mean(axis=0)[0], rel=1e-6)
     before = state["irradiance"].copy()
-    blend_texels(state, texel, before + np.float32(1), Blending(), 70000)
+    blend_texels(state, texel, sums_of(before + np.float32(1)), FRACTION, Blending(), 70000)
     assert state["irradiance"] == pytest.approx(before + 0.1, rel=1e-6)
     assert state["count"][0] == 11
     assert state["frame"][0] == 70000 % 65536
@@ -77,12 +80,12 @@ def test_a_step_is_followed_within_22_updates_and_within_6_when_heavy() -> None:
     for heavy, within in ((0, 22), (4, 6)):
         state, texel = np.zeros(1, dtype=TEXEL_STATE), np.zeros(1, dtype=np.int64)
         for _ in range(40):
-            blend_texels(state, texel, np.ones((1, 3), dtype=np.float32), Blending(), 0)
+            blend_texels(state, texel, sums_of(np.ones((1, 3), dtype=np.float32)), FRACTION, Blending(), 0)
         if heavy:
             mark_heavy(state, texel, heavy)
         left = 1.0
         for k in range(within):
-            blend_texels(state, texel, np.full((1, 3), 3, dtype=np.float32), Blending(), 0)
+            blend_texels(state, texel, sums_of(np.full((1, 3), 3, dtype=np.float32)), FRACTION, Blending(), 0)
             left *= 0.5 if k < heavy else 0.9
             assert state["irradiance"][0] == pytest.approx([3 - 2 * left] * 3, rel=1e-6)
         assert left <= 0.1
@@ -112,7 +115,8 @@ def test_light_that_goes_off_and_on_comes_back(alpha: float, reflected: float, r
     for emitted in (light, 0.0, light):
         for _ in range(rounds):
             emission = np.full((1, 3), emitted, dtype=np.float32)
-            blend_texels(state, texel, emission + np.float32(reflected) * state["irradiance"], blending, 0)
+            met = sums_of(emission + np.float32(reflected) * state["irradiance"])
+            blend_texels(state, texel, met, FRACTION, blending, 0)
             half.update(emission[0] + np.float32(reflected) * half.value.astype(np.float32), alpha)
         assert state["irradiance"][0] == pytest.approx([emitted / (1 - reflected)] * 3, rel=1e-5, abs=1e-4)
     short = 1 - float(half.value[0]) / 4.1
@@ -127,12 +131,12 @@ def test_updates_are_numbered_modulo_4096_and_counted_up_to_255() -> None:
     for _ in range(10):
         numbers.append(int(state["number"][0]))
         counts.append(int(state["count"][0]))
-        blend_texels(state, texel, np.ones((1, 3), dtype=np.float32), Blending(), 0)
+        blend_texels(state, texel, sums_of(np.ones((1, 3), dtype=np.float32)), FRACTION, Blending(), 0)
     assert numbers == [4090, 4091, 4092, 4093, 4094, 4095, 0, 1, 2, 3]
     assert counts == [250, 251, 252, 253, 254, 255, 255, 255, 255, 255]
     drop(state, texel)
     assert (state["count"], state["number"]) == (0, 4)
-    blend_texels(state, texel, np.full((1, 3), 9, dtype=np.float32), Blending(), 0)
+    blend_texels(state, texel, sums_of(np.full((1, 3), 9, dtype=np.float32)), FRACTION, Blending(), 0)
     assert state["irradiance"].tolist() == [[9, 9, 9]]
     assert (state["count"], state["number"]) == (1, 5)
 
@@ -145,7 +149,7 @@ def test_a_change_is_noticed_and_noise_is_not() -> None:
 
     def update(level: float) -> float:
         sample = level * np.repeat(rng.normal(1, 0.1, (texels, 1)), 3, axis=1).astype(np.float32)
-        blend_texels(state, texel, sample, Blending(), 0)
+        blend_texels(state, texel, sums_of(sample), FRACTION, Blending(), 0)
         return float(state["noticed"].mean())
 
     early = [update(5) for _ in range(8)]
@@ -187,15 +191,15 @@ def test_the_page_has_every_setting_with_its_default_and_range() -> None:
 
 
 def test_dropped_texels_take_the_sample_whatever_they_held() -> None:
-    operands = np.zeros(1, dtype=BLEND)
+    operands = np.zeros(1, dtype=TEXEL_BLEND)
     operands["irradiance"] = [np.nan, np.inf, -3e38]
-    operands["sample"] = [1, 2, 3e38]
-    assert blend(operands)["irradiance"].tolist() == [[1, 2, np.float32(3e38)]]
+    operands["total"] = [1, 2, 2**44 - 1]
+    assert texel_blend(operands)["irradiance"].tolist() == [[1, 2, 2.0**44]]
 
 
 def test_only_the_chosen_texels_change() -> None:
     state = np.zeros(5, dtype=TEXEL_STATE)
-    blend_texels(state, np.array([3, 1]), np.ones((2, 3), dtype=np.float32), Blending(), 4)
+    blend_texels(state, np.array([3, 1]), sums_of(np.ones((2, 3), dtype=np.float32)), FRACTION, Blending(), 4)
     assert state["count"].tolist() == [0, 1, 0, 1, 0]
     assert state["frame"].tolist() == [0, 4, 0, 4, 0]
 

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from lightloom.golden_model.contract.formats import RAY
+from lightloom.golden_model.contract.formats import LIKELY, RAY, SEEN
 from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
 from lightloom.golden_model.maintenance.selection.selector import FrameContext, Plan, Selector, coarse_to_fine
-from lightloom.golden_model.maintenance.selection.visibility import LIKELY, SEEN, Sight
+from lightloom.golden_model.maintenance.selection.visibility import Sight
 from lightloom.golden_model.scene.lightmap import VALID
 from tests.golden_model.maintenance.publishing.test_publisher import maps_of
 from tests.golden_model.selection_scenes import Stage, cornell, visited

@@ -5,16 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lightloom.golden_model.contract.formats import GBUFFER
+from lightloom.golden_model.contract.formats import GBUFFER, HIDDEN, LIKELY, SEEN, UNSEEN
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.maintenance.selection.predicted_view import extrapolated, predicted_view
 from lightloom.golden_model.maintenance.selection.selector import coarse_to_fine
 from lightloom.golden_model.maintenance.selection.visibility import (
-    HIDDEN,
-    LIKELY,
-    SEEN,
-    UNSEEN,
     Sight,
     Visibility,
     eye_rays,

@@ -1,0 +1,93 @@
+"""Faults in the units that see to texels, and in the conversions that they brought."""
+
+from lightloom.gen.formal.mutations import Mutation
+
+FOLDER, OPERATORS = "rtl/maintenance/", "rtl/operators/"
+CHECKS = {
+    f"{FOLDER}{unit}.py": (f"tests/rtl/test_intervals.py::test_agrees_with_the_model[{core}-{interval}]",)
+    for unit, core, interval in (
+        ("texel_project", "TexelProject", 16),
+        ("texel_match", "TexelMatch", 4),
+        ("texel_blend", "TexelBlend", 16),
+    )
+} | {
+    f"{OPERATORS}{file}.py": (f"tests/rtl/test_operators.py::test_verilog_agrees[{unit}-base]",)
+    for file, unit in (("float_to_fixed_down", "float_to_fixed_down"), ("fixed_to_float", "fixed64_to_float"))
+}
+PROJECT, MATCH, BLEND, DOWN, WIDE = CHECKS
+
+
+def _fault(file: str, name: str, old: str, new: str, what: str) -> Mutation:
+    return Mutation(name=name, file=file, old=old, new=new, what=what, checks=CHECKS[file])
+
+
+TEXEL_FAULTS = (
+    _fault(PROJECT, "eye-from-texel", "position[k], eye[k])", "eye[k], position[k])", "the eye relative to the texel"),
+    _fault(PROJECT, "depth-sideways", '"depth", moved, forward', '"depth", moved, right', "depth along another axis"),
+    _fault(PROJECT, "rows-upwards", 'f.negate("down", along)', "along", "rows count from the bottom"),
+    _fault(PROJECT, "facing-away", 'f.negate("over", under), horizon', "under, horizon", "texels face the other way"),
+    _fault(PROJECT, "no-slack", 'facing["greater"], beyond', 'beyond["greater"], beyond', "all texels face the eye"),
+    _fault(PROJECT, "near-ignored", 'beyond["greater"], off', 'facing["greater"], off', "nothing is too near"),
+    _fault(PROJECT, "off-by-a-texel", 'off["less"]\n', 'off["greater"]\n', "only what is off the screen is on it"),
+    _fault(PROJECT, "one-side-of-the-screen", "before, f.subtract", "coordinate, f.subtract", "no left and upper end"),
+    _fault(PROJECT, "half-of-the-width", "size[23:31] - 1", "size[23:31] - 2", "the middle is at a quarter"),
+    _fault(
+        PROJECT, "taps-from-corners", "doubled.as_signed() - 1", "doubled.as_signed()", "pixels' corners, not centres"
+    ),
+    _fault(PROJECT, "taps-off-the-screen", "Mux(first > last, last, first)", "first", "pixels beyond the last"),
+    _fault(PROJECT, "taps-unsigned", "Mux(first < 0, 0,", "Mux(first < -1, 0,", "pixels before the first"),
+    _fault(PROJECT, "height-with-its-sign", 'f.absolute("height_over", under)', "under", "what faces the eye is flat"),
+    _fault(PROJECT, "margin-below-one", 'f.maximum("outside_kept", outside, bits_of(0))', "outside", "less inside"),
+    _fault(PROJECT, "limit-as-minimum", 'f.minimum("slope"', 'f.maximum("slope"', "the slope is at least its limit"),
+    _fault(MATCH, "depths-with-sign", 'f.absolute(f"apart{k}", behind)', "behind", "all that is nearer matches"),
+    _fault(MATCH, "doubt-is-tolerance", "behind, doubt)", "behind, tolerance)", "no depth is in doubt"),
+    _fault(MATCH, "bounds-left-out", "lambda one, other: one | other", "lambda one, other: one", "not at the bounds"),
+    _fault(
+        MATCH, "normals-turned", "pixel_normal[3 * k + axis]", "pixel_normal[4 * axis + k]", "normals' parts mixed up"
+    ),
+    _fault(MATCH, "empty-is-greatest", 'bits_of(float("inf"))', "0x7F7FFFFF", "an empty pixel is not known as one"),
+    _fault(MATCH, "depth-test-always", "(same_depth | ~depth_test)", "same_depth", "depths count when not asked for"),
+    _fault(MATCH, "levels-unsigned", "Mux(own < least", "Mux(own.as_unsigned() < least", "finer than one is coarse"),
+    _fault(MATCH, "levels-down", "(1 << LOD_BITS >> 1)) >> LOD_BITS", "0) >> LOD_BITS", "levels are rounded down"),
+    _fault(
+        BLEND,
+        "known-when-dropped",
+        "lambda known, moved, new: Mux(known, moved, new)",
+        "lambda known, moved, new: moved",
+        "what was dropped still counts",
+    ),
+    _fault(
+        BLEND, "count-wraps", "Mux(count == COUNT_MAX, COUNT_MAX, count + 1)", "(count + 1)", "256 samples are none"
+    ),
+    _fault(BLEND, "heavy-forever", "Mux(heavy.any(), heavy - 1, 0)", "heavy + 0", "marks are not counted down"),
+    _fault(BLEND, "heavy-always", "Mux(heavy.any(), raised, alpha)", "raised", "every sample weighs as after a change"),
+    _fault(
+        BLEND,
+        "green-as-red",
+        "bits_of(0.5), bits_of(0.25)]",
+        "bits_of(0.25), bits_of(0.25)]",
+        "luminance without green",
+    ),
+    _fault(
+        BLEND, "biased-variance", 'f.divide(f"factor{k}", n, others)', 'f.divide(f"factor{k}", n, n)', "n for n - 1"
+    ),
+    _fault(BLEND, "variance-of-one-ray", "Mux(rays > 1, z, 0)", "z", "one ray has a variance"),
+    _fault(BLEND, "totals-unsigned", "total[-1].replicate", "(total[-1] & 0).replicate", "negative sums are large"),
+    _fault(BLEND, "negative-figures", "& ~fixed[31].replicate(RELATIVE_WIDTH)", "", "figures below 0 are the largest"),
+    _fault(
+        BLEND,
+        "noticed-at-the-limit",
+        "(latest << NOTICE_BITS) > limit",
+        "(latest << NOTICE_BITS) >= limit",
+        "usual samples are noticed",
+    ),
+    _fault(
+        BLEND, "steps-towards-zero", "(magnitude + (1 << shift) - 1) >> shift", "magnitude >> shift", "means stop short"
+    ),
+    _fault(DOWN, "towards-zero", "up=remains & sign", "up=remains & ~sign", "positive numbers are rounded up"),
+    _fault(DOWN, "minus-zero", "remains & Value.cast(a)[f.fraction_bits : -1].any()", "remains", "-0 becomes -1"),
+    _fault(WIDE, "ties-up", "(guard & (sticky | kept[0]))", "guard", "ties are raised"),
+    _fault(
+        WIDE, "sticky-short", "scaled[: lost - 1].any()", "scaled[lost - 8 : lost - 1].any()", "far bits do not count"
+    ),
+)

@@ -1,0 +1,155 @@
+"""What the units of texels have beside number units: every input, of widths that can be tried, by the definition."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from amaranth import Module, Signal, Value
+from amaranth.lib import wiring
+
+from lightloom.gen.formal.all_inputs import Gates
+from lightloom.gen.formal.properties import Exhaustive, Property
+from lightloom.golden_model.contract.formats import HIDDEN, LIKELY, SEEN, TAPS
+from lightloom.rtl.maintenance import texel_blend, texel_match, texel_project
+
+Operands = dict[str, np.ndarray]
+Function = Callable[..., Any]
+
+
+class Logic(wiring.Component):
+    """A function of values, as a component: operands of some widths, and the result `z`."""
+
+    def __init__(self, function: Function, widths: dict[str, int]):
+        super().__init__({})
+        self._function = function
+        self.operands = {name: Signal(width, name=name) for name, width in widths.items()}
+        self.result = Value.cast(function(*self.operands.values()))
+        self.z = Signal(len(self.result))
+
+    def elaborate(self, platform: object) -> Module:
+        m = Module()
+        m.d.comb += self.z.eq(self.result)
+        return m
+
+
+def every_input(
+    function: Function,
+    widths: dict[str, int],
+    definition: Callable[[Operands], np.ndarray],
+    fixed: Sequence[dict[str, int]],
+) -> str:
+    """Tries all operands of these widths, those that are `fixed` as each of these says; the first that is wrong, or
+    nothing.
+    """
+    logic = Logic(function, widths)
+    gates = Gates(logic, dict(logic.operands), {"z": logic.z})
+    for values in fixed:
+        for operands, results in gates.run(free=dict.fromkeys(values, 0), fixed=values):
+            expected = definition(operands) & ((1 << len(logic.z)) - 1)
+            wrong = np.flatnonzero(expected != results["z"])
+            if len(wrong):
+                at = wrong[0]
+                given = ", ".join(f"{name} = {int(value[at])}" for name, value in operands.items())
+                return f"{given}: {int(results['z'][at])}, should be {int(expected[at])}"
+    return ""
+
+
+def signed(value: np.ndarray, width: int) -> np.ndarray:
+    return value - ((value >> (width - 1)) << width)
+
+
+def _degree(i: Operands) -> np.ndarray:
+    """By the table of docs/texel_match.md."""
+    normal, depth, before, empty = (
+        i[name].astype(bool) for name in ("same_normal", "same_depth", "not_behind", "empty")
+    )
+    both = np.where(normal & depth, SEEN, np.where(empty | depth | (normal & before), LIKELY, HIDDEN))
+    by_normal = np.where(normal, SEEN, np.where(empty, LIKELY, HIDDEN))
+    by_depth = np.where(depth, SEEN, np.where(before, LIKELY, HIDDEN))
+    one = np.where(i["normal_test"] == 1, by_normal, np.where(i["depth_test"] == 1, by_depth, LIKELY))
+    return np.where((i["normal_test"] == 1) & (i["depth_test"] == 1), both, one)
+
+
+def _level(i: Operands) -> np.ndarray:
+    whole = np.floor(signed(i["level"], 16) / 256 + 0.5).astype(np.int64)
+    return np.where(i["best"] == SEEN, np.minimum(np.maximum(whole, 0), i["levels"]), 0)
+
+
+LEVEL_WIDTH = 4
+
+
+def _finest(i: Operands) -> np.ndarray:
+    levels = [
+        np.where(i[f"degree{k}"] == SEEN, signed(i[f"level{k}"], LEVEL_WIDTH), texel_match.COARSEST)
+        for k in range(TAPS)
+    ]
+    return np.minimum.reduce(levels)
+
+
+COORDINATE_WIDTH, SIZE_WIDTH = 10, 6
+
+
+def _tap(i: Operands, offset: int) -> np.ndarray:
+    coordinate = signed(i["doubled"], COORDINATE_WIDTH) / 2  # what was lost in rounding down changes nothing
+    first, last = np.floor(coordinate - 0.5).astype(np.int64) + offset, i["size"] - 1
+    return np.where(first < 0, 0, np.minimum(first, last))
+
+
+def _running_deviation(i: Operands) -> np.ndarray:
+    weight = np.select([i["count"] < 2, i["count"] < 4, i["count"] < 8], [1, 2, 4], 8)
+    difference = i["latest"] - i["usual"]
+    step = -(-np.abs(difference) // weight)
+    return np.where(i["count"] > 0, i["usual"] + np.sign(difference) * step, 0)
+
+
+def _tap_at(offset: int) -> Function:
+    return lambda doubled, size: texel_project.tap(doubled, size, offset)
+
+
+ONCE: Sequence[dict[str, int]] = ({},)
+FLAGS = ("normal_test", "depth_test", "same_normal", "same_depth", "not_behind", "empty")
+DEVIATION = texel_blend.RELATIVE_WIDTH
+COUNTS = tuple({"count": count} for count in (*range(10), 64, 128, 255))
+"""The count enters by what it is at least: 1, 2, 4, 8."""
+
+SUBJECTS: tuple[tuple[str, str, str, Function, dict[str, int], Callable[[Operands], np.ndarray], Any], ...] = (
+    ("texel_match", "degrees", "what a pixel says", texel_match.degree, dict.fromkeys(FLAGS, 1), _degree, ONCE),
+    (
+        *("texel_match", "levels-of-detail", "every level, of every degree, rounded and kept in range"),
+        *(texel_match.level_of_detail, {"best": 2, "level": 16, "levels": 2}, _level, ONCE),
+    ),
+    (
+        *("texel_match", "finest", "the least of any levels of 4 bits, with any degrees"),
+        texel_match.finest,
+        {**{f"degree{k}": 2 for k in range(TAPS)}, **{f"level{k}": LEVEL_WIDTH for k in range(TAPS)}},
+        *(_finest, ONCE),
+    ),
+    *(
+        (
+            *("texel_project", f"tap{offset}", "coordinates of 10 bits, sides of 6: the pixel, kept on the screen"),
+            *(_tap_at(offset), {"doubled": COORDINATE_WIDTH, "size": SIZE_WIDTH}, partial(_tap, offset=offset), ONCE),
+        )
+        for offset in (0, 1)
+    ),
+    (
+        *("texel_blend", "running-deviation", "every deviation after every other, with counts of all weights"),
+        texel_blend.running_deviation,
+        {"latest": DEVIATION, "usual": DEVIATION, "count": 8},
+        *(_running_deviation, COUNTS),
+    ),
+)
+
+
+def properties() -> list[Property]:
+    return [
+        Property(
+            unit=unit,
+            name=name,
+            says=says,
+            method=Exhaustive(inputs=len(fixed) << sum(widths.values()) - (8 if fixed is COUNTS else 0)),
+            check=partial(every_input, function, widths, definition, fixed),
+            quick=name != "running-deviation",
+        )
+        for unit, name, says, function, widths, definition, fixed in SUBJECTS
+    ]

@@ -1,0 +1,59 @@
+"""The second half of texel visibility: whether a texel is what the four pixels around it see ([0069], [0070], FIG. 9).
+
+Its normal and its depth are compared with those of each pixel. What these cheap tests leave in doubt (a depth slightly
+off, a silhouette, the border of the picture) is likely to be seen, and may be decided by a ray from the texel to the
+eye.
+"""
+
+import numpy as np
+
+from lightloom.golden_model.contract.formats import HIDDEN, LIKELY, LOD_BITS, SEEN, TAPS, TEXEL_MATCHED
+from lightloom.golden_model.numerics.floats import flush, half_to_float, quiet
+
+
+@quiet
+def texel_match(operands: np.ndarray) -> np.ndarray:
+    """TEXEL_MATCH (N,) to TEXEL_MATCHED (N,): the best that one of the pixels says, and the finest level of those that
+    see the texel, rounded to whole levels and kept within 0 to `lod_levels`.
+
+    LIKELY is what is in doubt, which is everything where the policy has neither of the two tests.
+    """
+    best = np.full(len(operands), HIDDEN, dtype=np.uint8)
+    level = np.full(len(operands), np.iinfo(np.int16).max, dtype=np.int16)
+    for pixel in range(TAPS):
+        outcome = _compare(operands, pixel)
+        best = np.maximum(best, outcome)
+        finer = np.minimum(level, operands["pixel_lod"][:, pixel])
+        level = np.where(outcome == SEEN, finer, level)
+    whole = (level.astype(np.int32) + (1 << LOD_BITS >> 1)) >> LOD_BITS
+    out = np.zeros(len(operands), dtype=TEXEL_MATCHED)
+    out["degree"] = best
+    out["lod"] = np.where(best == SEEN, np.clip(whole, 0, operands["lod_levels"]), 0)
+    return out
+
+
+def _compare(operands: np.ndarray, pixel: int) -> np.ndarray:
+    """What one of the pixels (0 to 3) says of each texel (N,): HIDDEN, LIKELY (in doubt) or SEEN."""
+    by_normal, by_depth = operands["normal_test"], operands["depth_test"]
+    seen_depth = operands["pixel_depth"][:, pixel]
+    tolerance = flush(operands["tolerance"])
+    behind = flush(flush(operands["depth"]) - flush(seen_depth))
+    same_depth = np.abs(behind) <= tolerance
+    # Nearer than what the pixel sees: a silhouette, or geometry thinner than a pixel.
+    not_behind = behind < flush(tolerance * flush(operands["depth_doubt"]))
+    same_normal = _cosine(operands, pixel) >= flush(operands["normal_cosine"])
+    # Beside an empty pixel may be a silhouette. A crease has the depth but not the normal.
+    empty = seen_depth == np.inf
+    seen = (by_normal | by_depth) & (same_normal | ~by_normal) & (same_depth | ~by_depth)
+    one_of_two = empty | (by_depth & (same_depth | (same_normal & not_behind)))
+    doubtful = np.where(by_normal, one_of_two, not_behind | ~by_depth)
+    return np.where(seen, SEEN, np.where(doubtful, LIKELY, HIDDEN)).astype(np.uint8)
+
+
+def _cosine(operands: np.ndarray, pixel: int) -> np.ndarray:
+    """Of the angle between a texel's normal and a pixel's, (N,) float32."""
+    x, y, z = (
+        flush(flush(operands["normal"][:, k]) * half_to_float(operands["pixel_normal"][:, 3 * pixel + k]))
+        for k in range(3)
+    )
+    return flush(flush(x + y) + z)

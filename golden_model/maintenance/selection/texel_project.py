@@ -1,0 +1,89 @@
+"""The first half of texel visibility: from a texel to its surface point, and from there to the screen ([0068], FIG. 8).
+
+What is found is where on the screen the texel lies, and how deep a surface at its pixels may lie to be the texel's own.
+"""
+
+import numpy as np
+
+from lightloom.golden_model.contract.formats import SCREEN_BITS, SHORTEST, TEXEL_PLACE
+from lightloom.golden_model.numerics.floats import canonical, float_minmax, float_to_fixed_down, flush, quiet
+
+Vector = list[np.ndarray]
+"""Three float32 arrays (N,), flushed, each of its own: a third of the time of one array (N, 3)."""
+
+
+@quiet
+def texel_project(operands: np.ndarray) -> np.ndarray:
+    """TEXEL_PROJECT (N,) to TEXEL_PLACE (N,).
+
+    A texel is visible if it lies beyond the near plane, faces the eye down to `facing_slack` below its horizon, and is
+    on the screen or off it by less than a texel: pixels at the border may read the texel all the same.
+    """
+    out = np.zeros(len(operands), dtype=TEXEL_PLACE)
+    moved = [flush(a - b) for a, b in zip(_vector(operands, "position"), _vector(operands, "eye"), strict=True)]
+    # The distance of the eye from the texel's plane, against a part of the distance along the view axis.
+    above = -_dot(_vector(operands, "normal"), moved)
+    depth = _dot(moved, _vector(operands, "forward"))
+    below = -flush(_scalar(operands, "facing_slack") * depth)
+    facing = np.flatnonzero((depth > _scalar(operands, "near")) & (above > below))
+
+    operands, depth, above = operands[facing], depth[facing], above[facing]
+    moved = [each[facing] for each in moved]
+    width, height = (operands[name].astype(np.float32) for name in ("width", "height"))
+    enlarged = flush(_scalar(operands, "focal") / depth)  # pixels a unit of length, at this depth
+    x = flush(flush(_dot(moved, _vector(operands, "right")) * enlarged) + width / 2)
+    y = flush(height / 2 - flush(_dot(moved, _vector(operands, "up")) * enlarged))
+    outside = _greatest(_greatest(-x, flush(x - width)), _greatest(-y, flush(y - height)))
+    near = outside < flush(enlarged * _scalar(operands, "texel_size"))
+
+    visible = facing[near]
+    outside = _greatest(outside[near], np.float32(0))
+    out["visible"][visible] = True
+    out["depth"][visible] = depth[near]
+    out["tolerance"][visible] = canonical(_tolerance(operands[near], depth[near], np.abs(above[near]), outside))
+    out["column"][visible] = _taps(x[near], operands["width"][near])
+    out["row"][visible] = _taps(y[near], operands["height"][near])
+    return out
+
+
+def _tolerance(operands: np.ndarray, depth: np.ndarray, above: np.ndarray, outside: np.ndarray) -> np.ndarray:
+    """By how much depths may differ: rounding, curvature, and how much the surface rises in depth over some pixels.
+
+    Over one it is z*z * (|nx| + |ny|) / (focal * height of the eye over the texel's plane).
+    """
+    normal = _vector(operands, "normal")
+    across, along = (np.abs(_dot(normal, _vector(operands, axis))) for axis in ("right", "up"))
+    over = _greatest(flush(_scalar(operands, "focal") * above), SHORTEST)
+    steep = flush(flush(flush(across + along) * depth) / over)
+    reach = flush(_scalar(operands, "depth_slopes") * flush(np.float32(1) + outside))
+    slope = float_minmax(flush(steep * reach), _scalar(operands, "depth_limit"), False)
+    part = flush(slope + _scalar(operands, "depth_relative"))
+    return flush(flush(part * depth) + _scalar(operands, "depth_fixed"))
+
+
+def _taps(coordinate: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """The two pixels (of a row or column) whose centres lie around screen coordinates (N,), kept on the screen: (N, 2).
+
+    The first is the greatest integer that is not more than the coordinate less a half.
+    """
+    first = (float_to_fixed_down(coordinate, 1).astype(np.int64) - 1) >> 1
+    both, last = np.stack([first, first + 1], axis=1), size.astype(np.int64)[:, None] - 1
+    return np.where(both < 0, 0, np.where(both > last, last, both)) & ((1 << SCREEN_BITS) - 1)
+
+
+def _scalar(operands: np.ndarray, name: str) -> np.ndarray:
+    return flush(operands[name])
+
+
+def _vector(operands: np.ndarray, name: str) -> Vector:
+    return [flush(np.ascontiguousarray(operands[name][:, k])) for k in range(3)]
+
+
+def _dot(a: Vector, b: Vector) -> np.ndarray:
+    """(x + y) + z of the products."""
+    x, y, z = (flush(p * q) for p, q in zip(a, b, strict=True))
+    return flush(flush(x + y) + z)
+
+
+def _greatest(a: np.ndarray, b: np.ndarray | np.float32) -> np.ndarray:
+    return float_minmax(a, b, True)

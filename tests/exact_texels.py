@@ -1,0 +1,172 @@
+"""The units of texels in exact rational arithmetic, one texel at a time, from their definition.
+
+Every number is the bits of a float32, every operation one of `tests.exact`: no floating point anywhere, so nothing that
+a processor rounds, converts or compares in its own way. Slow and plain on purpose.
+"""
+
+import numpy as np
+
+from lightloom.golden_model.contract.formats import TEXEL_BLENDED, TEXEL_MATCHED, TEXEL_PLACE
+from tests import exact
+
+ONE, HALF, QUARTER, ZERO, INFINITY, SIGN = 0x3F800000, 0x3F000000, 0x3E800000, 0, 0x7F800000, 1 << 31
+SHORTEST = (127 - 40) << 23
+LESS, EQUAL, GREATER = 1, 2, 4
+UNSEEN, HIDDEN, LIKELY, SEEN = range(4)
+Record = np.void
+
+
+def bits(record: Record, name: str) -> list[int]:
+    """The bits of a field's scalars."""
+    value = np.atleast_1d(np.asarray(record[name]))
+    if value.dtype == np.bool_:
+        return [int(each) for each in value]
+    return [int(each) for each in value.view(f"<u{value.itemsize}")]
+
+
+def one(record: Record, name: str) -> int:
+    (only,) = bits(record, name)
+    return only
+
+
+def add(a: int, b: int) -> int:
+    return exact.float_add(a, b, 0)
+
+
+def subtract(a: int, b: int) -> int:
+    return exact.float_add(a, b, 1)
+
+
+def dot(a: list[int], b: list[int]) -> int:
+    x, y, z = (exact.float_multiply(*pair) for pair in zip(a, b, strict=True))
+    return add(add(x, y), z)
+
+
+def maximum(a: int, b: int) -> int:
+    return exact.float_minmax(a, b, 1)
+
+
+def integer(value: int, fraction: int = 0) -> int:
+    """A whole number with `fraction` bits after the point, as float32."""
+    return exact.fixed64_to_float(value & (1 << 64) - 1, fraction)
+
+
+def signed(value: int) -> int:
+    return value - ((value & SIGN) << 1)
+
+
+def clip(value: int, low: int, high: int) -> int:
+    return min(max(value, low), high)
+
+
+# --- visibility -----------------------------------------------------------------------------------------------------
+
+
+def texel_project(record: Record) -> Record:
+    out = np.zeros(1, dtype=TEXEL_PLACE)[0]
+    axes = {name: bits(record, name) for name in ("right", "up", "forward")}
+    normal, focal = bits(record, "normal"), one(record, "focal")
+    moved = [subtract(*pair) for pair in zip(bits(record, "position"), bits(record, "eye"), strict=True)]
+    depth, over = dot(moved, axes["forward"]), dot(normal, moved) ^ SIGN
+    slack = exact.float_multiply(one(record, "facing_slack"), depth) ^ SIGN
+    enlarged = exact.float_divide(focal, depth)
+    x = add(exact.float_multiply(dot(moved, axes["right"]), enlarged), integer(int(record["width"]), 1))
+    y = subtract(integer(int(record["height"]), 1), exact.float_multiply(dot(moved, axes["up"]), enlarged))
+    ends = [
+        maximum(place ^ SIGN, subtract(place, integer(int(record[side]))))
+        for place, side in ((x, "width"), (y, "height"))
+    ]
+    outside = maximum(*ends)
+    pixels = exact.float_multiply(enlarged, one(record, "texel_size"))
+    conditions = (
+        exact.float_compare(depth, one(record, "near")) == GREATER,
+        exact.float_compare(over, slack) == GREATER,
+        exact.float_compare(outside, pixels) == LESS,
+    )
+    if not all(conditions):
+        return out
+    leaning = add(*(dot(normal, axes[name]) & ~SIGN for name in ("right", "up")))
+    distance = maximum(exact.float_multiply(focal, over & ~SIGN), SHORTEST)
+    steep = exact.float_divide(exact.float_multiply(leaning, depth), distance)
+    reach = exact.float_multiply(one(record, "depth_slopes"), add(ONE, maximum(outside, ZERO)))
+    slope = exact.float_minmax(exact.float_multiply(steep, reach), one(record, "depth_limit"), 0)
+    relative = exact.float_multiply(add(slope, one(record, "depth_relative")), depth)
+    out["visible"] = True
+    for name, value in (("depth", depth), ("tolerance", add(relative, one(record, "depth_fixed")))):
+        out[name] = np.uint32(value).view(np.float32)
+    for name, place, side in (("column", x, "width"), ("row", y, "height")):
+        first = (signed(exact.float_to_fixed_down(place, 1)) - 1) // 2
+        last = int(record[side]) - 1
+        out[name] = [(0 if tap < 0 else last if tap > last else tap) & 0x7FFF for tap in (first, first + 1)]
+    return out
+
+
+def texel_match(record: Record) -> Record:
+    out = np.zeros(1, dtype=TEXEL_MATCHED)[0]
+    tolerance = one(record, "tolerance")
+    doubt = exact.float_multiply(tolerance, one(record, "depth_doubt"))
+    normals = [exact.half_to_float(each) for each in bits(record, "pixel_normal")]
+    degrees, levels = [], []
+    for k, depth in enumerate(bits(record, "pixel_depth")):
+        behind = subtract(one(record, "depth"), depth)
+        near = exact.float_compare(behind & ~SIGN, tolerance) in (LESS, EQUAL)
+        before = exact.float_compare(behind, doubt) == LESS
+        cosine = dot(bits(record, "normal"), normals[3 * k : 3 * k + 3])
+        along = exact.float_compare(cosine, one(record, "normal_cosine")) in (GREATER, EQUAL)
+        match bool(record["normal_test"]), bool(record["depth_test"]):
+            case True, True:
+                seen, doubtful = along and near, depth == INFINITY or near or (along and before)
+            case True, False:
+                seen, doubtful = along, depth == INFINITY
+            case False, True:
+                seen, doubtful = near, before
+            case _:
+                seen, doubtful = False, True
+        degrees.append(SEEN if seen else LIKELY if doubtful else HIDDEN)
+        if seen:
+            levels.append(int(record["pixel_lod"][k]))
+    out["degree"] = max(degrees)
+    out["lod"] = clip((min(levels) + 128) // 256, 0, int(record["lod_levels"])) if levels else 0
+    return out
+
+
+# --- blending -------------------------------------------------------------------------------------------------------
+
+
+def relative(a: int, b: int) -> int:
+    """a / b in 1/256ths."""
+    return clip(signed(exact.float_to_fixed(exact.float_divide(a, b), 8)), 0, 4095)
+
+
+def spread(record: Record) -> int:
+    variance = ZERO
+    for k in range(2):
+        total, squares, n = (int(record[name][k]) for name in ("sums", "squares", "rays"))
+        squared = exact.float_multiply(integer(total), integer(total))
+        about = subtract(integer(squares), exact.float_divide(squared, integer(n)))
+        factor = exact.float_divide(integer(n), integer(n - 1)) if n > 1 else ZERO
+        variance = add(variance, exact.float_multiply(maximum(about, ZERO), factor))
+    return relative(exact.float_sqrt(variance), integer(int(record["sums"][0]) + int(record["sums"][1])))
+
+
+def texel_blend(record: Record) -> Record:
+    out = np.zeros(1, dtype=TEXEL_BLENDED)[0]
+    count, heavy, usual = (int(record[name]) for name in ("count", "heavy", "deviation"))
+    old = bits(record, "irradiance")
+    sample = [integer(int(total), int(record["fraction"])) for total in record["total"]]
+    alpha = maximum(exact.float_divide(ONE, integer(count + 1)), one(record, "alpha_min"))
+    alpha = maximum(alpha, one(record, "alpha_heavy")) if heavy else alpha
+    moved = [add(a, exact.float_multiply(alpha, subtract(b, a))) for a, b in zip(old, sample, strict=True)]
+    weights = [QUARTER, HALF, QUARTER]
+    before, after = dot(old, weights), dot(sample, weights)
+    latest = relative(subtract(after, before) & ~SIGN, before)
+    out["irradiance"] = np.array(moved if count else sample, dtype=np.uint32).view(np.float32)
+    out["count"], out["heavy"] = min(count + 1, 255), max(heavy - 1, 0)
+    limit = int(record["notice_factor"]) * usual + 16 * int(record["notice_floor"])
+    out["noticed"] = 0 < count >= int(record["notice_count"]) and 16 * latest > limit
+    if count:
+        weight = 1 if count == 1 else 2 if count < 4 else 4 if count < 8 else 8
+        step = -(-abs(latest - usual) // weight)
+        out["deviation"] = usual + step if latest > usual else usual - step
+    out["spread"] = spread(record)
+    return out
