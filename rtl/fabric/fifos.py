@@ -27,16 +27,16 @@ class RegisterFifo(_Fifo):
     def elaborate(self, platform: object) -> Module:
         m = Module()
         m.submodules.storage = storage = RegisterFile(self.w.payload.shape(), self.depth)
-        enters = Signal()
-        leaves = Signal()
-        produce, consume = _go_round(m, self.depth, self.level, enters, leaves, platform)
+        takes = Signal()
+        gives = Signal()
+        produce, consume = _go_round(m, self.depth, self.level, takes, gives, platform)
         address, first = storage.read(0)
         m.d.comb += [
             self.w.ready.eq(self.level != self.depth),
             self.r.valid.eq(self.level != 0),
-            enters.eq(self.w.valid & self.w.ready),
-            leaves.eq(self.r.valid & self.r.ready),
-            storage.w_en.eq(enters),
+            takes.eq(self.w.valid & self.w.ready),
+            gives.eq(self.r.valid & self.r.ready),
+            storage.w_en.eq(takes),
             storage.w_addr.eq(produce),
             storage.w_data.eq(self.w.payload),
             address.eq(consume),
@@ -56,14 +56,14 @@ class RamFifo(_Fifo):
         places = self.depth - 1
         m.submodules.storage = storage = Ram(self.w.payload.shape(), places)
         inner_level = Signal(range(places + 1))
-        enters = Signal()
+        takes = Signal()
         moves = Signal()  # from the RAM to its output
-        produce, consume = _go_round(m, places, inner_level, enters, moves, platform)
+        produce, consume = _go_round(m, places, inner_level, takes, moves, platform)
         m.d.comb += [
             self.w.ready.eq(inner_level != places),
-            enters.eq(self.w.valid & self.w.ready),
+            takes.eq(self.w.valid & self.w.ready),
             moves.eq((inner_level != 0) & (~self.r.valid | self.r.ready)),
-            storage.w_en.eq(enters),
+            storage.w_en.eq(takes),
             storage.w_addr.eq(produce),
             storage.w_data.eq(self.w.payload),
             storage.r_en.eq(moves),
@@ -79,18 +79,18 @@ class RamFifo(_Fifo):
 
 
 def _go_round(
-    m: Module, depth: int, level: Signal, enters: Value, leaves: Value, platform: object
+    m: Module, depth: int, level: Signal, takes: Value, gives: Value, platform: object
 ) -> tuple[Signal, Signal]:
     """Where the next item goes, and where the first one is; `level` counts those in between."""
     produce = Signal(range(depth))
     consume = Signal(range(depth))
-    with m.If(enters):
+    with m.If(takes):
         m.d.sync += produce.eq(_next(produce, depth))
-    with m.If(leaves):
+    with m.If(gives):
         m.d.sync += consume.eq(_next(consume, depth))
-    with m.If(enters & ~leaves):
+    with m.If(takes & ~gives):
         m.d.sync += level.eq(level + 1)
-    with m.If(leaves & ~enters):
+    with m.If(gives & ~takes):
         m.d.sync += level.eq(level - 1)
     if platform == "formal":  # an invariant, for the inductions of whatever has a FIFO inside
         between = Mux(produce > consume, produce - consume, depth + produce - consume)

@@ -15,6 +15,8 @@ from amaranth.lib import wiring
 from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
+from lightloom.rtl.fabric.pipeline import register
+
 KINDS = {
     "ram": "a word is read at a rising edge of clk where r_en is high, and stays at r_data until the next one",
     "regfile": "the words at the addresses are at r0_data and so on at all times",
@@ -114,35 +116,13 @@ class Ram(Wrapped):
         return m
 
 
-class WriteFirstRam(wiring.Component):
-    """A `Ram`, and what is written passes it: a word that is read in the cycle in which it is written is the new one.
-
-    The ports are those of a `Ram`, which is inside and need not know of it.
-    """
-
-    def __init__(self, shape: Any, depth: int):
-        self._ram = Ram(shape, depth)
-        super().__init__(self._ram.signature)
-
-    def elaborate(self, platform: object) -> Module:
-        m = Module()
-        m.submodules.ram = ram = self._ram
-        passes = Signal(reset_less=True)
-        passing = Signal(self._ram.wrapper.width, reset_less=True)
-        with m.If(self.r_en):
-            m.d.sync += [
-                passes.eq(self.w_en & (self.w_addr == self.r_addr)),
-                passing.eq(Value.cast(self.w_data)),
-            ]
-        m.d.comb += [
-            ram.w_en.eq(self.w_en),
-            ram.w_addr.eq(self.w_addr),
-            ram.w_data.eq(self.w_data),
-            ram.r_en.eq(self.r_en),
-            ram.r_addr.eq(self.r_addr),
-            Value.cast(self.r_data).eq(Mux(passes, passing, Value.cast(ram.r_data))),
-        ]
-        return m
+def write_first(m: Module, ram: Ram, name: str) -> Any:
+    """The word that a RAM has read: the new one, if it was written in the cycle in which it was read."""
+    written = register(m, ram.r_en, ram.w_en & (ram.w_addr == ram.r_addr), f"{name}_written")
+    new = register(m, ram.r_en, ram.w_data, f"{name}_new")
+    word = Signal(ram.r_data.shape(), name=name)
+    m.d.comb += Value.cast(word).eq(Mux(written, new, Value.cast(ram.r_data)))
+    return word
 
 
 class RegisterFile(Wrapped):

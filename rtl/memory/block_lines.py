@@ -11,7 +11,7 @@ from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data
 from amaranth.lib.wiring import Component, In, Out
 
-from lightloom.rtl.fabric.memory import WriteFirstRam
+from lightloom.rtl.fabric.memory import Ram, write_first
 from lightloom.rtl.fabric.one_hot import any_of, lowest, number_of
 from lightloom.rtl.fabric.pipeline import register
 from lightloom.rtl.fabric.queues import number_width
@@ -132,7 +132,7 @@ class BlockLines(Component):
         same = Signal(self.ways)
         awaited_misses = []
         for way in range(self.ways):
-            m.submodules[f"labels{way}"] = labels = WriteFirstRam(label, self.sets)
+            m.submodules[f"labels{way}"] = labels = Ram(label, self.sets)
             m.d.comb += [
                 labels.w_en.eq(self.allocate & chosen[way]),
                 labels.w_addr.eq(row),
@@ -141,11 +141,12 @@ class BlockLines(Component):
                 labels.r_en.eq(self.look),
                 labels.r_addr.eq(set_of(self.block, self.set_bits)),
             ]
+            read = write_first(m, labels, f"read_label{way}")
             replaced = Signal(name=f"replaced{way}")
             m.d.comb += replaced.eq(labels.w_en & same_row)
             with m.If(self.step):
-                m.d.sync += same[way].eq(Mux(replaced, same_name, labels.r_data.name == read_name))
-            miss = Mux(replaced, self.allocate_miss, labels.r_data.miss)
+                m.d.sync += same[way].eq(Mux(replaced, same_name, read.name == read_name))
+            miss = Mux(replaced, self.allocate_miss, read.miss)
             awaited_misses.append(register(m, self.step, miss, f"miss{way}"))
         return same, awaited_misses
 

@@ -49,7 +49,8 @@ def test_verilator(emitted: Callable[[str], Path], preset: str) -> None:
 @pytest.mark.parametrize("preset", PRESETS)
 def test_icarus_as_verilog_2001(emitted: Callable[[str], Path], preset: str) -> None:
     for unit in CATALOGUE:
-        command = [toolchain.icarus(), "-g2001", "-Wall", "-tnull", "-s", unit, *files_of(emitted(preset), unit)]
+        command = [toolchain.icarus(), "-g2001", "-Wall", "-tnull", "-s", unit]
+        command += map(str, files_of(emitted(preset), unit))
         done = subprocess.run(command, capture_output=True, text=True)
         assert (done.returncode, done.stdout, done.stderr) == (0, "", ""), unit
 
