@@ -9,6 +9,8 @@ from typing import Any
 from lightloom.gen.header import checked_prefix, header
 from lightloom.gen.manifest import manifest
 from lightloom.gen.verilog import verilog_of
+from lightloom.gen.wrappers import memories_file, split
+from lightloom.golden_model.contract.interfaces import UNITS
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.outputs import whole_folder
 from lightloom.rtl.catalogue import CATALOGUE
@@ -29,6 +31,8 @@ def emit(
 ) -> list[dict[str, Any]]:
     """Writes <module>.v and <module>.json of each unit (none named: of all) and manifest.json into `out`.
 
+    The wrappers of a unit's memories are in a file of their own, <module>_memories.v.
+
     A module is called `prefix` and the unit's name; so are the modules inside it, so that the same unit with two
     configurations can be in one design.
 
@@ -47,10 +51,14 @@ def emit(
     with whole_folder(out) as folder:
         for unit in names:
             module = prefix + unit
-            verilog = verilog_of(unit, config, prefix)
-            verilog = header(unit, module, config, preset, verilog) + verilog
-            manifests.append(manifest(unit, config, preset, verilog, module))
+            verilog, wrappers = split(verilog_of(unit, config, prefix))
+            verilog = header(f"{module}: {UNITS[unit].summary}", config, preset, verilog) + verilog
             (folder / f"{module}.v").write_text(verilog, encoding="utf-8")
+            if wrappers:
+                title = f"{module}_memories: the memories of {module}, each in a module that another may replace"
+                wrappers = header(title, config, preset, wrappers) + wrappers
+                (folder / memories_file(module)).write_text(wrappers, encoding="utf-8")
+            manifests.append(manifest(unit, config, preset, verilog, module, wrappers))
             _write_json(folder / f"{module}.json", manifests[-1])
             progress(unit)
         rows = [{key: described[key] for key in INDEXED} for described in manifests]

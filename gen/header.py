@@ -5,7 +5,6 @@ import re
 import textwrap
 from importlib.metadata import version
 
-from lightloom.golden_model.contract.interfaces import UNITS
 from lightloom.golden_model.host.errors import InputError
 from lightloom.rtl.config import Config
 
@@ -14,11 +13,11 @@ LICENCE = "Apache-2.0"
 MARK = "// SHA-256 of all that follows this line: "
 
 
-def header(unit: str, module: str, config: Config, preset: str | None, verilog: str) -> str:
-    """Comment lines for the Verilog of a unit; `preset` is the configuration's name, None where it has none."""
+def header(title: str, config: Config, preset: str | None, verilog: str) -> str:
+    """Comment lines for a file: `title`, what it is; `preset`, the configuration's name, None where it has none."""
     parameters = ", ".join(f"{name} {value}" for name, value in config.flat().items())
     lines = [
-        f"{module}: {UNITS[unit].summary}",
+        title,
         f"Made by Lightloom {version('lightloom')}" + (f", preset {preset}." if preset else "."),
         f"Parameters: {parameters}.",
         f"SPDX-License-Identifier: {LICENCE}",

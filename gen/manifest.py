@@ -12,6 +12,7 @@ from amaranth.lib.wiring import In
 
 from lightloom.gen.header import LICENCE
 from lightloom.gen.verilog import AXI, ports_of
+from lightloom.gen.wrappers import memories, memories_file
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import bits
 from lightloom.rtl.catalogue import CATALOGUE
@@ -47,11 +48,17 @@ def _meaning(component: UnitComponent, port: str) -> dict[str, Any]:
 
 
 def manifest(
-    unit: str, config: Config, preset: str | None = None, verilog: str = "", module: str | None = None
+    unit: str,
+    config: Config,
+    preset: str | None = None,
+    verilog: str = "",
+    module: str | None = None,
+    wrappers: str = "",
 ) -> dict[str, Any]:
     """The manifest of one unit of the catalogue, ready for JSON.
 
-    `verilog` is its text, `preset` the configuration's name, `module` that of the Verilog module, else the unit's.
+    `verilog` is its text without the `wrappers` of its memories, `preset` the configuration's name, `module` the name
+    of the Verilog module, else the unit's.
     """
     module = module or unit
     component = CATALOGUE[unit](config)
@@ -71,6 +78,13 @@ def manifest(
         "kind": described.kind.value,
         "file": f"{module}.v",
         "sha256": hashlib.sha256(verilog.encode()).hexdigest(),
+        "memories": {
+            "file": memories_file(module),
+            "sha256": hashlib.sha256(wrappers.encode()).hexdigest(),
+            "wrappers": memories(verilog, wrappers),
+        }
+        if wrappers
+        else None,
         "latency": component.latency,
         "initiation_interval": component.initiation_interval,
         "ports": [

@@ -9,8 +9,10 @@ from amaranth.hdl import ClockDomain, ClockSignal, Fragment, Instance, ResetSign
 from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In
 
+from lightloom.gen.wrappers import described
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.memory import Wrapped
 from lightloom.rtl.fabric.pipeline import Core, StreamUnit
 from lightloom.rtl.fabric.unit import UnitComponent
 
@@ -59,7 +61,7 @@ attrmap -remove unused_bits
 write_verilog -noparallelcase
 """
 
-Shared = Core | UnitComponent
+Shared = Core | UnitComponent | Wrapped
 
 AXI = "m_axi"
 """The member of a component's signature that is its AXI4 interface."""
@@ -85,7 +87,8 @@ def convert(component: wiring.Component, name: str) -> str:
     purged = f"* {name} %d" if isinstance(component, StreamUnit) else "*"
     script = SCRIPT.format(rtlil="\n".join(texts), top=name, purged=purged)
     # Amaranth ignores Yosys's warnings too: they are about processes, which are gone before anything is written.
-    return find_yosys(lambda version: version >= (0, 40)).run(["-q", "-"], script, ignore_warnings=True)
+    text = find_yosys(lambda version: version >= (0, 40)).run(["-q", "-"], script, ignore_warnings=True)
+    return described(text)
 
 
 def ports_of(component: wiring.Component) -> Iterator[tuple[str, wiring.Member, Value]]:
@@ -102,9 +105,10 @@ def ports_of(component: wiring.Component) -> Iterator[tuple[str, wiring.Member, 
 def _share(fragment: Fragment, top: str, shared: dict[str, tuple[Shared, Fragment]]) -> None:
     """Replaces what is there several times below `fragment` by instances of one module.
 
-    These are the cores of one function, latency and interval, and the units that a unit is made of. Otherwise Amaranth
-    writes a module for each of the 40 operators in a ray-triangle unit, which takes most of the time and makes the text
-    five times as long. Fills `shared`: module name to a component and its logic.
+    These are the cores of one function, latency and interval, the units that a unit is made of, and its memories, whose
+    modules are the wrappers. Otherwise Amaranth writes a module for each of the 40 operators in a ray-triangle unit,
+    which takes most of the time and makes the text five times as long. Fills `shared`: module name to a component and
+    its logic.
     """
     for index, (part, instance_name, location) in enumerate(fragment.subfragments):
         one = part.origins[0] if part.origins else None
@@ -115,9 +119,11 @@ def _share(fragment: Fragment, top: str, shared: dict[str, tuple[Shared, Fragmen
             ports |= {f"o_o_{name}": value for name, value in _fields(one.o)}
         elif isinstance(one, UnitComponent):
             module = f"{top}_unit"
-            ports = {"i_rst": ResetSignal()}
-            for name, member, value in ports_of(one):
-                ports[f"{'i' if member.flow == In else 'o'}_{name}"] = value
+            ports = {"i_rst": ResetSignal()} | _instance_ports(one)
+        elif isinstance(one, Wrapped):
+            module, ports = f"{top}_{one.wrapper.name}", _instance_ports(one)
+            for name, _, value in ports_of(one):
+                value.name = f"{instance_name}_{name}"  # else all memories of a module have the same names
         else:
             _share(part, top, shared)
             continue
@@ -128,6 +134,11 @@ def _share(fragment: Fragment, top: str, shared: dict[str, tuple[Shared, Fragmen
         fragment.subfragments[index] = (Instance(module, i_clk=ClockSignal(), **ports), instance_name, location)
 
 
+def _instance_ports(component: wiring.Component) -> dict[str, Value]:
+    """What the ports of an instance are connected to, by the names that `Instance` takes."""
+    return {f"{'i' if member.flow == In else 'o'}_{name}": value for name, member, value in ports_of(component)}
+
+
 def _named(core: Core) -> str:
     """What a core does, and how many cycles it takes."""
     interval = core.initiation_interval
@@ -135,8 +146,9 @@ def _named(core: Core) -> str:
 
 
 def _component_rtlil(fragment: Fragment, name: str, component: wiring.Component) -> str:
-    """A component as a module with its ports, its clock and its reset."""
-    return _rtlil(fragment, name, ClockDomain("sync"), {port: value for port, _, value in ports_of(component)})
+    """A component as a module with its ports, its clock and, where it is no memory, its reset."""
+    clock = ClockDomain("sync", reset_less=isinstance(component, Wrapped))
+    return _rtlil(fragment, name, clock, {port: value for port, _, value in ports_of(component)})
 
 
 def _core_rtlil(fragment: Fragment, name: str, core: Core) -> str:

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+from lightloom.gen.wrappers import is_wrapper
 from lightloom.golden_model.host.outputs import whole_file
 from lightloom.sim import toolchain
 
@@ -82,6 +83,6 @@ def _sharing(verilog: str) -> str:
     instances = Counter(re.findall(r"^  (\w+) \w+ \($", verilog, re.MULTILINE))
     lines = ["`verilator_config"]
     for module, count in sorted(instances.items()):
-        if count > 1:
+        if count > 1 and not is_wrapper(module):
             lines += [f'no_inline -module "{module}"', f'public_flat_rd -module "{module}" -var "i_*"']
     return "\n".join(lines) + "\n"

@@ -23,6 +23,7 @@ from lightloom.gen.flow import fanout, libraries, tools
 from lightloom.gen.flow.fanout import Buffer
 from lightloom.gen.flow.libraries import Library
 from lightloom.gen.flow.memories import Memory, cut_out
+from lightloom.rtl.fabric.memory import KINDS
 
 MEMORY = re.compile(r"^\s*reg (?:\[[^\]]*\] )?\S+ \[[^\]]*\];", re.MULTILINE)
 """An array in the emitted Verilog."""
@@ -128,7 +129,11 @@ def count(verilog: str, top: str, folder: Path, memory_bits: int) -> Gates:
 HIERARCHY = {
     "flat": (" -flatten", ""),
     # All but what is there several times, or could be: the cores, whose modules are named <unit>_…
-    "shared": (" -flatten", "setattr -mod -set keep_hierarchy 1 {top}_*\n"),
+    "shared": (
+        " -flatten",
+        "setattr -mod -set keep_hierarchy 1 {top}_*\n"
+        + "".join(f"setattr -mod -unset keep_hierarchy {{top}}_{kind}_*\n" for kind in KINDS),
+    ),
     "hierarchical": ("", ""),
 }
 """What is flattened: an option of `synth`, and what goes before it."""

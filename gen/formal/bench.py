@@ -51,7 +51,7 @@ class Bench:
 
     def add(self, name: str, component: Any) -> Fragment:
         """Puts a further component beside the one under test; its inputs are for the proof to drive."""
-        fragment = Fragment.get(component, "formal")  # Amaranth's own FIFOs state their invariants for this platform
+        fragment = Fragment.get(component, "formal")  # FIFOs and memories state for this platform what they rely on
         self.m.submodules[name] = fragment
         return fragment
 
@@ -136,12 +136,8 @@ class Bench:
         memory.read_port(domain="comb", addr=at, data=data, en=Const(1), transparent_for=())
         return data
 
-    def read_data(self, path: str, port: int) -> Value:
-        """What a read port of a memory inside the component gives; they are numbered as they were made."""
-        return Value.cast(self._memory(path)._read_ports[port]._data)
-
     def _memory(self, path: str) -> MemoryInstance:
-        memory = self._inside(path.split("/"))
+        memory = self._inside([*path.split("/"), "words"])
         assert isinstance(memory, MemoryInstance), f"{path} is no memory"
         return memory
 

@@ -2,7 +2,7 @@
 # (a unit is also made only to ask for its latency)
 """The best hits of a traversal unit: the best of all results so far, for all time; its distance, bounded."""
 
-from amaranth import Cat, Const, Module, Mux, Signal, Value
+from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import wiring
 
 from lightloom.gen.formal.bench import Bench
@@ -92,9 +92,9 @@ def nearest(config: Config) -> Bench:
     with m.If(found):
         m.d.comb += shown.eq(best)
 
-    # What is read is what was true in the cycle of the question.
+    # What is read is what was true in the cycle of the question; the hit itself, where no better one came in it.
     hit_port, t_port = component.hit_read, component.best_read
-    hit_asked = followed.asked(hit_port, "hit", when=Const(1))
+    hit_asked = followed.asked(hit_port, "hit", when=~better)
     t_asked = followed.asked(t_port, "t", when=t_port.en)
     bench.require("hit", ~hit_asked | (Value.cast(hit_port.hit) == bench.past(shown, "shown")))
     bench.require("found", ~t_asked | (t_port.found == bench.past(found, "found")))
@@ -109,7 +109,8 @@ def nearest(config: Config) -> Bench:
 
     # The induction's invariant: memories, and what is read ahead of the two results that come next.
     bench.require("found_bit", bench.inner("found").bit_select(who, 1) == found)
-    for name, value in (("nearest", best.t), ("primitives", best.primitive), ("hits", best)):
+    held_t = {"nearest": best.t, "nearest_ahead": best.t}
+    for name, value in (held_t | {"primitives_ahead": best.primitive, "hits": best}).items():
         held = bench.peek(name, who, f"{name}_of_who")
         bench.require(f"{name}_memory", ~found | (held == Value.cast(value)))
     bench.require("best_is_number", ~found | is_number(best.t))
@@ -118,8 +119,8 @@ def nearest(config: Config) -> Bench:
     bench.require("passing_is_found", (followed.coming != who) | ~passing | found)
     compared = (followed.announced == who) & ~bench.past(begins, "begun")
     bench.require("found_ahead", ~compared | (bench.inner("found_best") == found))
-    for name, memory, value in (("t", "nearest", best.t), ("primitive", "primitives", best.primitive)):
-        ahead = Mux(passing, bench.inner(f"{name}_passing"), bench.read_data(memory, 0))
+    for name, memory, value in (("t", "nearest_ahead", best.t), ("primitive", "primitives_ahead", best.primitive)):
+        ahead = Mux(passing, bench.inner(f"{name}_passing"), bench.inner(f"{memory}/r_data"))
         bench.require(f"{name}_ahead", (followed.coming != who) | ~found | (ahead == value))
         bench.require(f"{name}_compared", ~compared | ~found | (bench.inner(f"{name}_best") == value))
     return bench
@@ -191,7 +192,7 @@ def distance(config: Config) -> Bench:
     was_better = Signal()
     with m.If(followed.begins | comes):
         m.d.sync += was_better.eq(~followed.begins & (was_better | bench.inner("better")))
-    waits = bench.inner("starting/fifo/r_rdy") & (bench.inner("starting/fifo/r_data") == followed.who)
+    waits = bench.inner("starting/fifo/r__valid") & (bench.inner("starting/fifo/r__payload") == followed.who)
     bench.reach("distance_of_t_max", asked & ~was_better)
     bench.reach("distance_of_a_hit", asked & was_better)
     bench.reach("hit_is_told", is_done & done.hit)

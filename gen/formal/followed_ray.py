@@ -133,6 +133,6 @@ class Places:
         ]
         self.results = total([there & ray.mine(word[:bits]) for there, word in self.buffered])
         self.over = total([ray.bit(f"{name}_visits_over") for name in ("dropped", "node", "leaf")])
-        out = lists.out & ray.mine(bench.inner("stacks/lists/r_data")[:bits])
+        out = lists.out & ray.mine(bench.inner("stacks/lists/r__payload")[:bits])
         writing = bench.inner("stacks/writing") & ray.mine(bench.inner("stacks/item")[:bits])
         self.lists = total([writing, out, *(there & ray.mine(word[:bits]) for there, word in lists.slots)])

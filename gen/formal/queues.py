@@ -14,7 +14,7 @@ WIDTH = 4
 
 
 class FifoInside:
-    """What one of Amaranth's FIFOs holds: a RAM that goes round, and the output register of a `buffered` one.
+    """What a FIFO holds: a RAM that goes round, and the output register of a `buffered` one.
 
     Attributes: `out`, the register holds an item; `level`, items in the RAM; `slots`, of every place of the RAM whether
     it holds an item, and which.
@@ -22,7 +22,7 @@ class FifoInside:
 
     def __init__(self, bench: Bench, path: str, name: str, *, buffered: bool = True):
         self._bench, self._path, self._name = bench, path, name
-        self.out: Value = bench.inner(f"{path}/r_rdy") if buffered else Const(0)
+        self.out: Value = bench.inner(f"{path}/r__valid") if buffered else Const(0)
         self.level = bench.inner(f"{path}/inner_level" if buffered else f"{path}/level")
         self._consume = bench.inner(f"{path}/consume")
         self.depth = bench.depth(f"{path}/storage")
@@ -85,7 +85,7 @@ def queue(depth: int) -> Bench:
     component = Queue(WIDTH, depth)
     bench, tracker = followed(component, depth)
     i, o = component.i, component.o
-    bench.require("has_room", ~i.valid | bench.inner("fifo/w_rdy"))
+    bench.require("has_room", ~i.valid | bench.inner("fifo/w__ready"))
     waited = bench.past((tracker.count != 0) & ~o.valid, "waited")
     bench.require("comes_out", ~waited | o.valid)
     inside = FifoInside(bench, "fifo", "item")
@@ -99,7 +99,7 @@ def passing_queue(depth: int) -> Bench:
     component = PassingQueue(WIDTH, depth)
     bench, tracker = followed(component, depth)
     i, o = component.i, component.o
-    bench.require("has_room", ~bench.inner("waiting/i__valid") | bench.inner("waiting/fifo/w_rdy"))
+    bench.require("has_room", ~bench.inner("waiting/i__valid") | bench.inner("waiting/fifo/w__ready"))
     bench.require("passes", o.valid | ~bench.past(i.valid & (tracker.count == 0), "came_alone"))
     empty = (tracker.count != 0) & ~o.valid
     bench.require("comes_out", ~(empty & bench.past(empty & bench.past(empty, "waited"), "waited_longer")))
@@ -107,7 +107,7 @@ def passing_queue(depth: int) -> Bench:
     before = inside.out + o.valid  # items that are not in the RAM
     bench.require("count_is_level", tracker.count == inside.level + before)
     in_output = tracker.follows & inside.out & (tracker.ahead == o.valid)
-    bench.require("followed_in_output", ~in_output | (bench.inner("waiting/fifo/r_data") == tracker.payload))
+    bench.require("followed_in_output", ~in_output | (bench.inner("waiting/fifo/r__payload") == tracker.payload))
     in_ram = tracker.follows & (tracker.ahead >= before)
     bench.require("followed_in_ram", ~in_ram | (inside.at(tracker.ahead - before) == tracker.payload))
     bench.reach("past_the_ram", o.valid & o.ready & ~inside.out & (inside.level == 0))
@@ -138,7 +138,7 @@ def free_list(count: int) -> Bench:
     # What is not given away is either fresh or, once each, in the queue of those that came back.
     fresh = bench.inner("fresh")
     inside = FifoInside(bench, "returned/fifo", "number")
-    places = [(inside.out, bench.inner("returned/fifo/r_data")), *inside.slots]
+    places = [(inside.out, bench.inner("returned/fifo/r__payload")), *inside.slots]
     waiting = [Mux(there, 1 << data, 0)[:count] for there, data in places]
     everyone = Signal(count)
     m.d.comb += everyone.eq((1 << fresh) - 1)

@@ -155,8 +155,8 @@ def fence(data_width: int) -> Bench:
 def errors(data_width: int) -> Bench:
     component, bench, writing = _writer(data_width)
     port, block = component.m_axi, component.i.payload.block
-    out = bench.inner("unanswered/fifo/r_rdy")
-    oldest = bench.inner("unanswered/fifo/r_data")
+    out = bench.inner("unanswered/fifo/r__valid")
+    oldest = bench.inner("unanswered/fifo/r__payload")
     tracker = Tracker(
         bench,
         most=SHAPE["writes"],

@@ -27,6 +27,11 @@ def render(template: str, **context: Any) -> str:
     return environment.get_template(template).render(context)
 
 
+def verilog_files(unit: Mapping[str, Any]) -> list[str]:
+    """The Verilog of a unit, from its manifest: its own file, and that of its memories."""
+    return [unit["file"], *([unit["memories"]["file"]] if unit["memories"] else [])]
+
+
 def constraints(unit: Mapping[str, Any], clock: float, unit_name: str = "ns") -> str:
     """SDC of a unit, from its manifest, with a clock of `clock` ns."""
     return render("package.sdc", **unit, period=f"{clock:g}", unit_name=unit_name)
@@ -46,13 +51,14 @@ def ipxact(unit: Mapping[str, Any], version: str) -> str:
     )
 
 
-def librelane(module: str, clock: float) -> str:
-    """Configuration of a module for LibreLane; paths are relative to its own folder."""
+def librelane(unit: Mapping[str, Any], clock: float) -> str:
+    """Configuration of a unit, from its manifest, for LibreLane; paths are relative to its own folder."""
+    module = unit["module"]
     return to_json(
         {
             "meta": {"version": 2},
             "DESIGN_NAME": module,
-            "VERILOG_FILES": [f"dir::../../../rtl/{module}.v"],
+            "VERILOG_FILES": [f"dir::../../../rtl/{file}" for file in verilog_files(unit)],
             "CLOCK_PORT": "clk",
             "CLOCK_PERIOD": clock,
             "PNR_SDC_FILE": f"dir::../../../sdc/{module}.sdc",

@@ -10,7 +10,7 @@ import numpy as np
 
 from lightloom.gen.emit import emit
 from lightloom.gen.manifest import PACKAGES
-from lightloom.gen.package.files import constraints, ipxact, librelane, register_files, render, to_json
+from lightloom.gen.package.files import constraints, ipxact, librelane, register_files, render, to_json, verilog_files
 from lightloom.gen.package.formats import context
 from lightloom.gen.package.registers import registers
 from lightloom.gen.package.stream_bench import stream_bench
@@ -70,11 +70,12 @@ def _unit_files(
     """All files of one unit but its Verilog, by its module's name: path in the package to content."""
     name, module = unit["unit"], unit["module"]
     sdc = constraints(unit, clock)
+    orfs = {"module": module, "files": verilog_files(unit), "unit_name": "ns"}
     texts = {
         f"sdc/{module}.sdc": sdc,
         f"ipxact/{module}.xml": ipxact(unit, version("lightloom")),
-        f"flow/librelane/{module}/config.json": librelane(module, clock),
-        f"flow/openroad/{module}/config.mk": render("package_orfs.mk", module=module, unit_name="ns"),
+        f"flow/librelane/{module}/config.json": librelane(unit, clock),
+        f"flow/openroad/{module}/config.mk": render("package_orfs.mk", **orfs),
         f"flow/openroad/{module}/constraint.sdc": sdc,
     }
     texts |= {f"registers/{module}{end}": text for end, text in register_files(unit).items()}
@@ -87,6 +88,7 @@ def _shared_files(
     manifests: list[dict[str, Any]], with_memory: list[dict[str, Any]], preset: str, clock: float
 ) -> dict[str, str]:
     modules = [unit["module"] for unit in manifests]
+    sources = [file for unit in manifests for file in verilog_files(unit)]
     images = [unit["module"] for unit in with_memory]
     ties = dict.fromkeys(f"`{port['name']}`" for unit in manifests for port in unit["ports"] if port.get("tie") == 0)
     core = f"lightloom:{preset}:lightloom:{version('lightloom')}"
@@ -100,7 +102,7 @@ def _shared_files(
             ties=in_words(list(ties)),
         ),
         "Makefile": render("package_makefile", modules=modules),
-        "lightloom.f": "".join(f"rtl/{module}.v\n" for module in modules),
+        "lightloom.f": "".join(f"rtl/{file}\n" for file in sources),
         "lightloom.core": render("package.core", name=core, units=manifests, preset=preset, images=images),
         "include/lightloom_formats.h": render("package_formats.h", **context()),
     }
@@ -109,7 +111,7 @@ def _shared_files(
 def _manifest(
     folder: Path, manifests: list[dict[str, Any]], config: Config, preset: str, clock: float
 ) -> dict[str, Any]:
-    keys = ("unit", "module", "summary", "latency", "initiation_interval")
+    keys = ("unit", "module", "summary", "memories", "latency", "initiation_interval")
     return {
         "preset": preset,
         "clock_ns": clock,

@@ -4,7 +4,7 @@
 export DESIGN_NAME     = {{ module }}
 export DESIGN_NICKNAME = lightloom_{{ module }}
 PACKAGE := $(abspath $(dir $(lastword $(MAKEFILE_LIST)))/../../..)
-export VERILOG_FILES   = $(PACKAGE)/rtl/{{ module }}.v
+export VERILOG_FILES   = $(PACKAGE)/rtl/{{ files | join(" $(PACKAGE)/rtl/") }}
 export SDC_FILE        = $(PACKAGE)/flow/openroad/{{ module }}/constraint.sdc
 export CORE_UTILIZATION ?= 50
 export PLACE_DENSITY_LB_ADDON ?= 0.15

@@ -51,8 +51,9 @@ emit.__doc__ = "\n".join(
     [
         "Write the Verilog of units, with a manifest of each.",
         "",
-        "Verilog-2001, one file a unit; beside it a manifest (JSON) of ports, latency, initiation",
-        "interval, configuration and versions. The same units and preset give the same bytes.",
+        "Verilog-2001, one file a unit, and one of its memories; beside it a manifest (JSON) of ports,",
+        "memories, latency, initiation interval, configuration and versions. The same units and preset",
+        "give the same bytes.",
         "",
         "\b",
         "Presets:",

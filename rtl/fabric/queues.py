@@ -4,9 +4,9 @@ from typing import Any
 
 from amaranth import Module, Mux, Shape, Signal, Value
 from amaranth.lib import stream, wiring
-from amaranth.lib.fifo import SyncFIFOBuffered
 from amaranth.lib.wiring import In, Out
 
+from lightloom.rtl.fabric.fifos import RamFifo
 from lightloom.rtl.fabric.pipeline import register
 
 
@@ -53,7 +53,7 @@ class Queue(wiring.Component):
     def __init__(self, shape: Any, depth: int):
         # A place more than items: for a cycle they may all be in the RAM, and its output register is a place. At least
         # three, so that the RAM has an address.
-        self._fifo = SyncFIFOBuffered(width=Shape.cast(shape).width, depth=max(depth + 1, 3))
+        self._fifo = RamFifo(Shape.cast(shape).width, max(depth + 1, 3))
         super().__init__({"i": In(stream.Signature(shape, always_ready=True)), "o": Out(stream.Signature(shape))})
 
     @property
@@ -65,11 +65,11 @@ class Queue(wiring.Component):
         m = Module()
         m.submodules.fifo = fifo = self._fifo
         m.d.comb += [
-            fifo.w_data.eq(Value.cast(self.i.payload)),
-            fifo.w_en.eq(self.i.valid),
-            Value.cast(self.o.payload).eq(fifo.r_data),
-            self.o.valid.eq(fifo.r_rdy),
-            fifo.r_en.eq(self.o.ready),
+            fifo.w.payload.eq(Value.cast(self.i.payload)),
+            fifo.w.valid.eq(self.i.valid),
+            Value.cast(self.o.payload).eq(fifo.r.payload),
+            self.o.valid.eq(fifo.r.valid),
+            fifo.r.ready.eq(self.o.ready),
         ]
         return m
 

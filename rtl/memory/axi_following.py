@@ -4,8 +4,8 @@ from typing import Any
 
 from amaranth import Array, Cat, Const, Module, Mux, Signal, Value, signed
 from amaranth.lib import data
-from amaranth.lib.memory import Memory
 
+from lightloom.rtl.fabric.memory import RegisterFile
 from lightloom.rtl.memory.axi import AxiPort
 
 Rules = dict[str, Value]
@@ -16,24 +16,30 @@ FIXED, INCR, WRAP = 0b00, 0b01, 0b10
 class EachId:
     """A value for each id; zero after a reset, whatever the memory holds then."""
 
-    def __init__(self, m: Module, name: str, id_width: int, shape: Any):
+    def __init__(self, m: Module, name: str, id_width: int, shape: Any, *, reads: int):
+        """`reads`: how often `of` is asked."""
         self._m, self._shape = m, shape
-        m.submodules[name] = self._memory = Memory(shape=shape, depth=1 << id_width, init=[])
+        m.submodules[name] = self._memory = RegisterFile(shape, 1 << id_width, reads=reads)
+        self._ports = (self._memory.read(k) for k in range(reads))
         self._known = Signal(1 << id_width, name=f"{name}_known")
 
     def of(self, number: Value) -> Any:
         """The value of an id, before this cycle's `put`."""
-        port = self._memory.read_port(domain="comb")
+        address, held = next(self._ports)
         value = Signal(self._shape)
-        self._m.d.comb += port.addr.eq(number)
+        self._m.d.comb += address.eq(number)
         with self._m.If(self._known.bit_select(number, 1)):
-            self._m.d.comb += Value.cast(value).eq(Value.cast(port.data))
+            self._m.d.comb += Value.cast(value).eq(Value.cast(held))
         return value
 
     def put(self, en: Value, number: Value, value: Any) -> None:
         """Another value for an id, from the next cycle on."""
-        port = self._memory.write_port()
-        self._m.d.comb += [port.en.eq(en), port.addr.eq(number), Value.cast(port.data).eq(Value.cast(value))]
+        memory = self._memory
+        self._m.d.comb += [
+            memory.w_en.eq(en),
+            memory.w_addr.eq(number),
+            Value.cast(memory.w_data).eq(Value.cast(value)),
+        ]
         with self._m.If(en):
             self._m.d.sync += self._known.eq(self._known | (Const(1, len(self._known)) << number)[: len(self._known)])
 
@@ -42,22 +48,20 @@ class Fifo:
     """First in, first out, what was put last cycle or earlier; `count` are inside. Depth a power of two."""
 
     def __init__(self, m: Module, name: str, depth: int, shape: Any):
-        m.submodules[name] = memory = Memory(shape=shape, depth=depth, init=[])
-        self._m, self.depth = m, depth
+        m.submodules[name] = memory = RegisterFile(shape, depth)
+        self._m, self._memory, self.depth = m, memory, depth
         self._into = Signal(range(2 * depth), name=f"{name}_into")
         self._out = Signal(range(2 * depth), name=f"{name}_out")
         self.count = Signal(range(2 * depth), name=f"{name}_count")
-        self._write = memory.write_port()
-        read = memory.read_port(domain="comb")
+        address, self.head = memory.read(0)
         m.d.comb += [
             self.count.eq(self._into - self._out),
-            self._write.addr.eq(self._into[: len(self._write.addr)]),
-            read.addr.eq(self._out[: len(read.addr)]),
+            memory.w_addr.eq(self._into[: len(memory.w_addr)]),
+            address.eq(self._out[: len(address)]),
         ]
-        self.head = read.data
 
     def put(self, en: Value, value: Any) -> None:
-        self._m.d.comb += [self._write.en.eq(en), Value.cast(self._write.data).eq(Value.cast(value))]
+        self._m.d.comb += [self._memory.w_en.eq(en), Value.cast(self._memory.w_data).eq(Value.cast(value))]
         self._m.d.sync += self._into.eq(self._into + en)
 
     def drop(self, en: Value) -> None:
@@ -68,18 +72,17 @@ def follow_reads(m: Module, port: Any, axi: AxiPort, *, bursts: int) -> Rules:
     """Beats of reads against what was asked for; `bursts` of an id, a power of two, may be under way."""
     slots = bursts.bit_length() - 1
     done_shape = data.StructLayout({"bursts": slots + 1, "beat": 8})
-    asked = EachId(m, "asked_reads", axi.id_width, slots + 1)
-    done = EachId(m, "done_reads", axi.id_width, done_shape)
-    m.submodules.lengths = lengths = Memory(shape=8, depth=bursts << axi.id_width, init=[])
-    begun = lengths.write_port()
-    read = lengths.read_port(domain="comb")
+    asked = EachId(m, "asked_reads", axi.id_width, slots + 1, reads=2)
+    done = EachId(m, "done_reads", axi.id_width, done_shape, reads=2)
+    m.submodules.lengths = lengths = RegisterFile(8, bursts << axi.id_width)
+    awaited_burst, length = lengths.read(0)
     asks = Signal()
     before = asked.of(port.arid)
     m.d.comb += [
         asks.eq(port.arvalid & port.arready),
-        begun.en.eq(asks),
-        begun.addr.eq(Cat(before[:slots], port.arid)),
-        begun.data.eq(port.arlen),
+        lengths.w_en.eq(asks),
+        lengths.w_addr.eq(Cat(before[:slots], port.arid)),
+        lengths.w_data.eq(port.arlen),
     ]
     asked.put(asks, port.arid, before + 1)
 
@@ -89,8 +92,8 @@ def follow_reads(m: Module, port: Any, axi: AxiPort, *, bursts: int) -> Rules:
     after = Signal(done_shape)
     m.d.comb += [
         awaited.eq(now.bursts != asked.of(port.rid)),
-        read.addr.eq(Cat(now.bursts[:slots], port.rid)),
-        at_end.eq(now.beat == read.data),
+        awaited_burst.eq(Cat(now.bursts[:slots], port.rid)),
+        at_end.eq(now.beat == length),
         after.bursts.eq(now.bursts + at_end),
         after.beat.eq(Mux(at_end, 0, now.beat + 1)),
     ]
@@ -111,7 +114,8 @@ def follow_writes(m: Module, port: Any, axi: AxiPort, *, bursts: int) -> tuple[R
     """
     bits = bursts.bit_length()
     asked, whole, answered = (
-        EachId(m, f"{name}_writes", axi.id_width, bits) for name in ("asked", "whole", "answered")
+        EachId(m, f"{name}_writes", axi.id_width, bits, reads=2 if name != "answered" else 1)
+        for name in ("asked", "whole", "answered")
     )
     begins = Signal()
     ends = Signal()

@@ -2,9 +2,9 @@
 
 from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
-from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
+from lightloom.rtl.fabric.memory import Ram
 from lightloom.rtl.fabric.pipeline import register
 from lightloom.rtl.fabric.queues import number_width
 from lightloom.rtl.memory.axi import BLOCK_BITS
@@ -82,14 +82,12 @@ class BlockAnswers(wiring.Component):
 
     def _part(self, m: Module, lane: int, reads: Value, line: Value) -> Value:
         """Part `lane` of the block that is read."""
-        m.submodules[f"blocks{lane}"] = memory = Memory(shape=self.data_width, depth=self.depth, init=[])
-        write_port = memory.write_port()
-        read_port = memory.read_port()
+        m.submodules[f"blocks{lane}"] = memory = Ram(self.data_width, self.depth)
         m.d.comb += [
-            write_port.en.eq(self.write.en & (self.write.lane == lane)),
-            write_port.addr.eq(self.write.line),
-            write_port.data.eq(self.write.data),
-            read_port.en.eq(reads),
-            read_port.addr.eq(line),
+            memory.w_en.eq(self.write.en & (self.write.lane == lane)),
+            memory.w_addr.eq(self.write.line),
+            memory.w_data.eq(self.write.data),
+            memory.r_en.eq(reads),
+            memory.r_addr.eq(line),
         ]
-        return Value.cast(read_port.data)
+        return Value.cast(memory.r_data)

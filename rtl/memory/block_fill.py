@@ -8,9 +8,9 @@ used again until the last of its beats has come, so that no late beat is taken f
 from dataclasses import dataclass
 
 from amaranth import Const, Module, Mux, Signal, Value
-from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import Component, In, Out
 
+from lightloom.rtl.fabric.memory import Ram
 from lightloom.rtl.fabric.pipeline import register
 from lightloom.rtl.fabric.queues import number_width
 from lightloom.rtl.memory.axi import AxiRead, is_error
@@ -167,17 +167,15 @@ class BlockFill(Component):
     def _tell(self, m: Module, step: _Step, outcome: _Outcome) -> None:
         """That, a cycle later."""
         beat, look, which, lane = step.beat, step.look, step.which, outcome.lane
-        m.submodules.lines = lines = Memory(shape=self.line_width, depth=max(self.misses, 2), init=[])
-        writes = lines.write_port()
-        reads = lines.read_port()
+        m.submodules.lines = lines = Ram(self.line_width, max(self.misses, 2))
         moves = beat | look
         m.d.comb += [
-            writes.en.eq(self.start),
-            writes.addr.eq(self.start_miss),
-            writes.data.eq(self.start_line),
-            reads.en.eq(moves),
-            reads.addr.eq(which),
-            self.line.eq(reads.data),
+            lines.w_en.eq(self.start),
+            lines.w_addr.eq(self.start_miss),
+            lines.w_data.eq(self.start_line),
+            lines.r_en.eq(moves),
+            lines.r_addr.eq(which),
+            self.line.eq(lines.r_data),
             self.lane.eq(register(m, beat, lane, "beat_lane")),
             self.data.eq(register(m, beat, self.rdata, "beat")),
             self.miss.eq(register(m, moves, which, "step_miss")),

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 from amaranth import Cat, Const, Module, Mux, Signal, Value
 from amaranth.lib import data
-from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import Component, In, Out
 
+from lightloom.rtl.fabric.memory import Ram, write_first
 from lightloom.rtl.fabric.one_hot import any_of, lowest, number_of
 from lightloom.rtl.fabric.pipeline import register
 from lightloom.rtl.fabric.queues import number_width
@@ -132,22 +132,21 @@ class BlockLines(Component):
         same = Signal(self.ways)
         awaited_misses = []
         for way in range(self.ways):
-            m.submodules[f"labels{way}"] = memory = Memory(shape=label, depth=self.sets, init=[])
-            writes = memory.write_port()
-            reads = memory.read_port(transparent_for=[writes])
+            m.submodules[f"labels{way}"] = labels = Ram(label, self.sets)
             m.d.comb += [
-                writes.en.eq(self.allocate & chosen[way]),
-                writes.addr.eq(row),
-                writes.data.name.eq(name),
-                writes.data.miss.eq(self.allocate_miss),
-                reads.en.eq(self.look),
-                reads.addr.eq(set_of(self.block, self.set_bits)),
+                labels.w_en.eq(self.allocate & chosen[way]),
+                labels.w_addr.eq(row),
+                labels.w_data.name.eq(name),
+                labels.w_data.miss.eq(self.allocate_miss),
+                labels.r_en.eq(self.look),
+                labels.r_addr.eq(set_of(self.block, self.set_bits)),
             ]
+            read = write_first(m, labels, f"read_label{way}")
             replaced = Signal(name=f"replaced{way}")
-            m.d.comb += replaced.eq(writes.en & same_row)
+            m.d.comb += replaced.eq(labels.w_en & same_row)
             with m.If(self.step):
-                m.d.sync += same[way].eq(Mux(replaced, same_name, reads.data.name == read_name))
-            miss = Mux(replaced, self.allocate_miss, reads.data.miss)
+                m.d.sync += same[way].eq(Mux(replaced, same_name, read.name == read_name))
+            miss = Mux(replaced, self.allocate_miss, read.miss)
             awaited_misses.append(register(m, self.step, miss, f"miss{way}"))
         return same, awaited_misses
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 from amaranth import Module, Mux, Signal, Value
 from amaranth.lib import data, stream
-from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import Component, In, Out
 
+from lightloom.rtl.fabric.memory import Ram, RegisterFile
 from lightloom.rtl.fabric.pipeline import register
 from lightloom.rtl.fabric.queues import FreeList, PassingQueue, number_width
 
@@ -71,15 +71,15 @@ class Waiters(Component):
         m = Module()
         m.submodules.numbers = numbers = FreeList(self.requests)
         entry = data.StructLayout({"tag": self.tag_width, "older": self.number_width, "last": 1})
-        m.submodules.entries = entries = Memory(shape=entry, depth=max(self.requests, 2), init=[])
-        m.submodules.newest = newest = Memory(shape=self.number_width, depth=max(self.misses, 2), init=[])
+        m.submodules.entries = entries = Ram(entry, max(self.requests, 2))
+        m.submodules.newest = newest = RegisterFile(self.number_width, max(self.misses, 2), reads=2)
 
         newest_number = self._add(m, numbers, entries, newest)
         head = self._begin(m, newest, newest_number)
         self._walk(m, numbers, entries, head)
         return m
 
-    def _add(self, m: Module, numbers: FreeList, entries: Memory, newest: Memory) -> Callable[[Value, Value], Value]:
+    def _add(self, m: Module, numbers: FreeList, entries: Ram, newest: RegisterFile) -> Callable[[Value, Value], Value]:
         """New requests to the lists. Returns what the newest number of a miss is, by the miss and what was read."""
         # Adding takes two cycles, so that the number of the miss, which comes late, has one for the look at the list.
         added = Signal()
@@ -87,19 +87,18 @@ class Waiters(Component):
         m.d.sync += added.eq(self.add)
         miss = register(m, self.add, self.miss, "miss_d1")
         number = register(m, self.add, numbers.o.payload, "number_d1")
-        before = newest.read_port(domain="comb")
-        latest = newest.write_port()
-        link = entries.write_port()
+        asked, before = newest.read(0)
+        link: data.View = entries.w_data
         m.d.comb += [
-            before.addr.eq(miss),
-            latest.en.eq(added),
-            latest.addr.eq(miss),
-            latest.data.eq(number),
-            link.en.eq(added),
-            link.addr.eq(number),
-            link.data.tag.eq(register(m, self.add, self.tag, "tag_d1")),
-            link.data.older.eq(before.data),
-            link.data.last.eq(register(m, self.add, self.first, "first_d1")),
+            asked.eq(miss),
+            newest.w_en.eq(added),
+            newest.w_addr.eq(miss),
+            newest.w_data.eq(number),
+            entries.w_en.eq(added),
+            entries.w_addr.eq(number),
+            link.tag.eq(register(m, self.add, self.tag, "tag_d1")),
+            link.older.eq(before),
+            link.last.eq(register(m, self.add, self.first, "first_d1")),
         ]
 
         def newest_number(of: Value, read: Value) -> Value:
@@ -108,13 +107,13 @@ class Waiters(Component):
 
         return newest_number
 
-    def _begin(self, m: Module, newest: Memory, newest_number: Callable[[Value, Value], Value]) -> _Head:
+    def _begin(self, m: Module, newest: RegisterFile, newest_number: Callable[[Value, Value], Value]) -> _Head:
         """The head of the next list."""
         # The lists whose block has come, in that order. One may be here a cycle after `filled`, and what was added with
         # that is then on its way to the list: it is the newest.
         done = data.StructLayout({"miss": self.miss_width, "line": self.line_width, "error": 1, "list": 1, "ended": 1})
         m.submodules.lists = lists = PassingQueue(done, self.misses)
-        head = newest.read_port(domain="comb")
+        asked, head = newest.read(1)
         begin = Signal()
         taken = Signal()
         load = Signal()
@@ -128,33 +127,33 @@ class Waiters(Component):
             lists.i.payload.error.eq(self.filled_error),
             lists.o.ready.eq(~begin | taken),
             load.eq(lists.o.valid & lists.o.ready),
-            head.addr.eq(next_list.miss),
+            asked.eq(next_list.miss),
             self.free.eq(load & next_list.ended),
             self.passed.eq(load & ~next_list.ended),
             self.free_miss.eq(next_list.miss),
         ]
         with m.If(lists.o.ready):
             m.d.sync += begin.eq(lists.o.valid & next_list.list)
-        head_number = newest_number(next_list.miss, head.data)
+        head_number = newest_number(next_list.miss, head)
         begin_number = register(m, load, head_number, "begin_number")
         begin_line = register(m, load, next_list.line, "begin_line")
         begin_error = register(m, load, next_list.error, "begin_error")
         return _Head(begin, taken, begin_number, begin_line, begin_error)
 
-    def _walk(self, m: Module, numbers: FreeList, entries: Memory, head: _Head) -> None:
+    def _walk(self, m: Module, numbers: FreeList, entries: Ram, head: _Head) -> None:
         """Answers along a list."""
         # Along a list: the RAM's output is the request that is answered, and names the one after it.
-        walk = entries.read_port()
+        walked: data.View = entries.r_data
         ends = Signal()
         moves = Signal()
         following = Signal(self.number_width)
         m.d.comb += [
             moves.eq(~self.o.valid | self.o.ready),
-            ends.eq(~self.o.valid | walk.data.last),
+            ends.eq(~self.o.valid | walked.last),
             head.taken.eq(head.known & moves & ends),
-            following.eq(walk.data.older),
-            walk.en.eq(moves),
-            walk.addr.eq(following),
+            following.eq(walked.older),
+            entries.r_en.eq(moves),
+            entries.r_addr.eq(following),
         ]
         with m.If(ends):
             m.d.comb += following.eq(head.number)
@@ -163,8 +162,8 @@ class Waiters(Component):
         m.d.comb += [
             self.o.payload.line.eq(register(m, head.taken, head.line, "line")),
             self.o.payload.error.eq(register(m, head.taken, head.error, "error")),
-            self.o.payload.tag.eq(walk.data.tag),
-            self.o.payload.last.eq(walk.data.last),
+            self.o.payload.tag.eq(walked.tag),
+            self.o.payload.last.eq(walked.last),
             numbers.i.valid.eq(self.o.valid & self.o.ready),
             numbers.i.payload.eq(register(m, moves, following, "walked")),
         ]

@@ -4,12 +4,12 @@
 
 from amaranth import Module, Mux, Signal
 from amaranth.lib import data, wiring
-from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
 from lightloom.golden_model.contract.formats import LEAF_RAY, TIME_BITS, TRIANGLE_HIT
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.layouts import layout_of
+from lightloom.rtl.fabric.memory import Ram
 from lightloom.rtl.fabric.queues import Queue
 from lightloom.rtl.intersection.ray_time import RayTime
 from lightloom.rtl.operators.float_compare import compare
@@ -30,7 +30,8 @@ class BestHits(wiring.Component):
       `tested` is not set there was no test, and `error` says why.
     - `done`: strobe, the visit's effects show at all read ports. `hit`: a test of it hit, and the ray asks for any hit.
     - `best_read`, `time_read`, `hit_read`: what is asked for in one cycle is there in the next; `best_read` holds it
-      while `en` is low. Without `found`, `t` means nothing, and `hit` is a miss.
+      while `en` is low. Without `found`, `t` means nothing, and `hit` is a miss. While a visit is under way, `hit` may
+      mean nothing either.
     """
 
     def __init__(self, config: Config):
@@ -85,17 +86,13 @@ class BestHits(wiring.Component):
     def _compare(self, m: Module, found: Signal) -> Signal:
         """The result against the best hit, and the read ports of the latter; returns: it is a better one."""
         result = self.result.payload
-        m.submodules.nearest = nearest = Memory(shape=32, depth=self._contexts, init=[])
-        m.submodules.primitives = primitives = Memory(shape=32, depth=self._contexts, init=[])
-        m.submodules.hits = hits = Memory(shape=self.hit_read.hit.shape(), depth=self._contexts, init=[])
+        m.submodules.nearest = nearest = Ram(32, self._contexts, read_first=True)
+        m.submodules.nearest_ahead = nearest_ahead = Ram(32, self._contexts)
+        m.submodules.primitives_ahead = primitives_ahead = Ram(32, self._contexts)
+        m.submodules.hits = hits = Ram(self.hit_read.hit.shape(), self._contexts)
 
         # What is the best so far is read ahead. Of the two results in between, which may be the same ray's, the first
         # is written while the RAM is read and passes by it; the second one is seen here.
-        t_write = nearest.write_port()
-        primitive_write = primitives.write_port()
-        hit_write = hits.write_port()
-        t_read_ahead = nearest.read_port()
-        primitive_read_ahead = primitives.read_port()
         better = Signal()
         following = Signal(self._context, reset_less=True)
         t_passing = Signal(32, reset_less=True)
@@ -106,8 +103,8 @@ class BestHits(wiring.Component):
         primitive_best = Signal(32, reset_less=True)
         found_best = Signal()
         m.d.comb += [
-            t_read_ahead.addr.eq(self.coming.context),
-            primitive_read_ahead.addr.eq(self.coming.context),
+            nearest_ahead.r_addr.eq(self.coming.context),
+            primitives_ahead.r_addr.eq(self.coming.context),
             again.eq(better & (result.context == following)),
         ]
         m.d.sync += [
@@ -122,36 +119,35 @@ class BestHits(wiring.Component):
         with m.Elif(passing):
             m.d.sync += [t_best.eq(t_passing), primitive_best.eq(primitive_passing)]
         with m.Else():
-            m.d.sync += [t_best.eq(t_read_ahead.data), primitive_best.eq(primitive_read_ahead.data)]
+            m.d.sync += [t_best.eq(nearest_ahead.r_data), primitive_best.eq(primitives_ahead.r_data)]
         order = compare(m, a=result.data.t, b=t_best)
         lower = result.primitive.as_signed() < primitive_best.as_signed()
         hit = self.result.valid & result.tested & result.data.hit
         m.d.comb += better.eq(hit & (~found_best | order["less"] | (order["equal"] & lower)))
-        for port in (t_write, primitive_write, hit_write):
-            m.d.comb += [port.en.eq(better), port.addr.eq(result.context)]
+        for memory in (nearest, nearest_ahead, primitives_ahead, hits):
+            m.d.comb += [memory.w_en.eq(better), memory.w_addr.eq(result.context)]
         m.d.comb += [
-            t_write.data.eq(result.data.t),
-            primitive_write.data.eq(result.primitive),
-            hit_write.data.primitive.eq(result.primitive),
+            nearest.w_data.eq(result.data.t),
+            nearest_ahead.w_data.eq(result.data.t),
+            primitives_ahead.w_data.eq(result.primitive),
+            hits.w_data.primitive.eq(result.primitive),
         ]
-        m.d.comb += [hit_write.data[name].eq(result.data[name]) for name in ("t", "u", "v", "front")]
+        m.d.comb += [hits.w_data[name].eq(result.data[name]) for name in ("t", "u", "v", "front")]
 
-        t_read = nearest.read_port()
         t_found = Signal(reset_less=True)
         with m.If(self.best_read.en):
             m.d.sync += t_found.eq(found.bit_select(self.best_read.context, 1))
         m.d.comb += [
-            t_read.en.eq(self.best_read.en),
-            t_read.addr.eq(self.best_read.context),
+            nearest.r_en.eq(self.best_read.en),
+            nearest.r_addr.eq(self.best_read.context),
             self.best_read.found.eq(t_found),
-            self.best_read.t.eq(t_read.data),
+            self.best_read.t.eq(nearest.r_data),
         ]
-        hit_read = hits.read_port()
         hit_found = Signal(reset_less=True)
         m.d.sync += hit_found.eq(found.bit_select(self.hit_read.context, 1))
-        m.d.comb += hit_read.addr.eq(self.hit_read.context)
+        m.d.comb += hits.r_addr.eq(self.hit_read.context)
         with m.If(hit_found):
-            m.d.comb += self.hit_read.hit.eq(hit_read.data)
+            m.d.comb += self.hit_read.hit.eq(hits.r_data)
         with m.Else():
             m.d.comb += self.hit_read.hit.primitive.eq(-1)
         return better
@@ -160,21 +156,18 @@ class BestHits(wiring.Component):
         """The distance of every better t, and of a starting ray's t_max; `done` and `started` come with it."""
         start, result, context = self.start.payload, self.result.payload, self._context
         m.submodules.ray_time = ray_time = self._ray_time
-        m.submodules.timed = timed = Memory(shape=self._timed, depth=self._contexts, init=[])
-        m.submodules.times = times = Memory(shape=TIME_BITS, depth=self._contexts, init=[])
+        m.submodules.timed = timed = Ram(self._timed, self._contexts)
         # Starts wait for a cycle without a better hit, each context at most once.
         m.submodules.starting = starting = Queue(context, self._contexts)
-        timed_write = timed.write_port()
-        timed_read = timed.read_port()
         m.d.comb += [
-            timed_write.en.eq(self.start.valid),
-            timed_write.addr.eq(start.context),
+            timed.w_en.eq(self.start.valid),
+            timed.w_addr.eq(start.context),
             starting.i.valid.eq(self.start.valid),
             starting.i.payload.eq(start.context),
             starting.o.ready.eq(~better),
-            timed_read.addr.eq(Mux(better, result.context, starting.o.payload)),
+            timed.r_addr.eq(Mux(better, result.context, starting.o.payload)),
         ]
-        m.d.comb += [timed_write.data[name].eq(start[name]) for name in TIMED]
+        m.d.comb += [timed.w_data[name].eq(start[name]) for name in TIMED]
 
         # A test of the visit has hit: this one, or the one before it.
         hit = Signal()
@@ -187,7 +180,7 @@ class BestHits(wiring.Component):
         strobes_layout = data.StructLayout({"better": 1, "started": 1, "done": 1})
         late, strobes = Signal(late_layout, name="late0"), Signal(strobes_layout, name="strobes0")
         m.d.comb += [
-            late.changing.eq(timed_read.addr),
+            late.changing.eq(timed.r_addr),
             late.done.eq(result.context),
             late.hit.eq(hit | hit_before),
             late.error.eq(result.error),
@@ -201,9 +194,9 @@ class BestHits(wiring.Component):
         m.d.sync += [
             t.eq(result.data.t),
             is_better.eq(better),
-            operands.t.eq(Mux(is_better, t, timed_read.data.t_max)),
-            operands.rate.eq(timed_read.data.rate),
-            operands.scale.eq(timed_read.data.scale),
+            operands.t.eq(Mux(is_better, t, timed.r_data.t_max)),
+            operands.rate.eq(timed.r_data.rate),
+            operands.scale.eq(timed.r_data.scale),
         ]
         m.d.comb += [ray_time.en.eq(1), ray_time.i.eq(operands)]
         for stage in range(1, ray_time.latency + 3):
@@ -212,15 +205,15 @@ class BestHits(wiring.Component):
             strobes = Signal(strobes_layout, name=f"strobes{stage}")
             m.d.sync += [late.eq(late_before), strobes.eq(strobes_before)]
 
-        time_write = times.write_port()
-        m.d.comb += [
-            time_write.en.eq(strobes.better | strobes.started),
-            time_write.addr.eq(late.changing),
-            time_write.data.eq(ray_time.o.high),
-        ]
-        for port in self.time_read:
-            time_read = times.read_port()
-            m.d.comb += [time_read.addr.eq(port.context), port.time.eq(time_read.data)]
+        for k, port in enumerate(self.time_read):
+            m.submodules[f"times{k}"] = times = Ram(TIME_BITS, self._contexts, read_first=True)
+            m.d.comb += [
+                times.w_en.eq(strobes.better | strobes.started),
+                times.w_addr.eq(late.changing),
+                times.w_data.eq(ray_time.o.high),
+                times.r_addr.eq(port.context),
+                port.time.eq(times.r_data),
+            ]
         shown = Signal(late_layout, reset_less=True)
         m.d.sync += [shown.eq(late), self.started.valid.eq(strobes.started), self.done.valid.eq(strobes.done)]
         m.d.comb += [

@@ -7,13 +7,13 @@ from typing import Any
 
 from amaranth import Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
-from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
 from lightloom.golden_model.contract.formats import BLOCK_BYTES, LEAF_RAY, TRACE_ERRORS, TRIANGLE_BLOCK, TRIANGLES_KIND
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.counters import Counter
 from lightloom.rtl.fabric.layouts import layout_of
+from lightloom.rtl.fabric.memory import Ram
 from lightloom.rtl.intersection.ray_triangle import RayTriangle, RayTriangleHalf
 from lightloom.rtl.traversal.best_hits import TIMED, BestHits
 from lightloom.rtl.traversal.records import ERROR_BITS, Ports, beside_layout
@@ -133,24 +133,22 @@ class LeafStage(wiring.Component):
     def _visit(self, m: Module, moves: Signal) -> _Visit:
         """A visit: its block, its ray and the best t, read in one cycle and put into registers in the next."""
         kept = data.StructLayout({name: self._ray[name].shape for name in (*TESTED, "t_max", "mask", "any_hit")})
-        m.submodules.rays = rays = Memory(shape=kept, depth=self._contexts, init=[])
-        ray_write = rays.write_port()
-        ray_read = rays.read_port()
+        m.submodules.rays = rays = Ram(kept, self._contexts)
         take = Signal()
         held = Signal()
         there = Signal()
         visit_layout = data.StructLayout({"context": self._context, "block": layout_of(TRIANGLE_BLOCK), "error": 1})
         arrived = Signal(visit_layout, reset_less=True)
         m.d.comb += [
-            ray_write.en.eq(self.start.valid),
-            ray_write.addr.eq(self.start.payload.context),
+            rays.w_en.eq(self.start.valid),
+            rays.w_addr.eq(self.start.payload.context),
             take.eq(self.i.valid & self.i.ready),
-            ray_read.en.eq(take),
-            ray_read.addr.eq(self.i.payload.context),
+            rays.r_en.eq(take),
+            rays.r_addr.eq(self.i.payload.context),
             self._best.best_read.en.eq(take),
             self._best.best_read.context.eq(self.i.payload.context),
         ]
-        m.d.comb += [ray_write.data[name].eq(self.start.payload[name]) for name in kept.members]
+        m.d.comb += [rays.w_data[name].eq(self.start.payload[name]) for name in kept.members]
         with m.If(take):
             m.d.sync += arrived.eq(self.i.payload)
         with m.If(self.i.ready):
@@ -158,7 +156,7 @@ class LeafStage(wiring.Component):
         visit = Signal(visit_layout, reset_less=True)
         ray = Signal(kept, reset_less=True)
         with m.If(moves):
-            m.d.sync += [visit.eq(arrived), ray.eq(ray_read.data), there.eq(held)]
+            m.d.sync += [visit.eq(arrived), ray.eq(rays.r_data), there.eq(held)]
             with m.If(self._best.best_read.found):
                 m.d.sync += ray.t_max.eq(self._best.best_read.t)
         return _Visit(there, held, visit, visit.block, ray)

@@ -5,13 +5,13 @@ One node a cycle. The whole stage stops while its result is not taken.
 
 from amaranth import Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
-from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
 from lightloom.golden_model.contract.formats import BLOCK_BYTES, NODE_BLOCK, NODE_KIND, TRACE_ERRORS
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.counters import Counter
 from lightloom.rtl.fabric.layouts import layout_of
+from lightloom.rtl.fabric.memory import Ram
 from lightloom.rtl.fabric.pipeline import register
 from lightloom.rtl.intersection.node_test import NodeTest
 from lightloom.rtl.traversal.records import (
@@ -78,9 +78,7 @@ class NodeStage(wiring.Component):
     def elaborate(self, platform: object) -> Module:
         m = Module()
         m.submodules.node_test = core = self._core
-        m.submodules.rays = rays = Memory(shape=self.start.payload.ray.shape(), depth=self._contexts, init=[])
-        ray_write = rays.write_port()
-        ray_read = rays.read_port()
+        m.submodules.rays = rays = Ram(self.start.payload.ray.shape(), self._contexts)
 
         advance = Signal()
         take = Signal()
@@ -105,17 +103,17 @@ class NodeStage(wiring.Component):
         m.d.comb += Value.cast(visit).eq(register(m, take, self.i.payload.tag, "visit_bits"))
         memory_error = register(m, take, self.i.payload.error, "memory_error")
         m.d.comb += [
-            ray_write.en.eq(self.start.valid),
-            ray_write.addr.eq(self.start.payload.context),
-            ray_write.data.eq(self.start.payload.ray),
-            ray_read.en.eq(advance),
-            ray_read.addr.eq(self.i.payload.tag.context),
+            rays.w_en.eq(self.start.valid),
+            rays.w_addr.eq(self.start.payload.context),
+            rays.w_data.eq(self.start.payload.ray),
+            rays.r_en.eq(advance),
+            rays.r_addr.eq(self.i.payload.tag.context),
             # The distance is read anew in every cycle, so that it is there when the stage moves on.
             self.time_read.context.eq(Mux(advance, self.i.payload.tag.context, visit.context)),
         ]
         test = Signal(core.i.shape(), reset_less=True)
         with m.If(advance):
-            m.d.sync += [test[name].eq(ray_read.data[name]) for name in NODE_RAY.names or ()]
+            m.d.sync += [test[name].eq(rays.r_data[name]) for name in NODE_RAY.names or ()]
             m.d.sync += [test[name].eq(block[name]) for name in TESTED]
             m.d.sync += test.t_max.eq(self.time_read.time)
         m.d.comb += core.i.eq(test)

@@ -4,10 +4,10 @@ from typing import Any
 
 from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
-from amaranth.lib.fifo import SyncFIFO
 from amaranth.lib.wiring import In, Out
 
 from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.fifos import RegisterFifo
 from lightloom.rtl.traversal.masks import one_hot, only_if
 from lightloom.rtl.traversal.records import (
     ADDRESS_BITS,
@@ -112,15 +112,15 @@ class PoppedVisits(wiring.Component):
         m.d.sync += on_their_way.eq(on_their_way + self.chosen.valid - leave)
         return m
 
-    def _waiting(self, m: Module, name: str, comes: Value, visit: data.View, turn: Any) -> SyncFIFO:
+    def _waiting(self, m: Module, name: str, comes: Value, visit: data.View, turn: Any) -> RegisterFifo:
         """A queue in front of the stream `turn`, with room for all visits. What `comes` has its fields from `visit`."""
         fields = turn.payload.shape().members
-        m.submodules[name] = queue = SyncFIFO(width=len(Value.cast(turn.payload)), depth=POPS)
+        m.submodules[name] = queue = RegisterFifo(len(Value.cast(turn.payload)), POPS)
         m.d.comb += [
-            queue.w_data.eq(Cat(visit[field] for field in fields)),
-            queue.w_en.eq(comes),
-            queue.r_en.eq(turn.ready),
-            Value.cast(turn.payload).eq(queue.r_data),
-            turn.valid.eq(queue.r_rdy),
+            queue.w.payload.eq(Cat(visit[field] for field in fields)),
+            queue.w.valid.eq(comes),
+            queue.r.ready.eq(turn.ready),
+            Value.cast(turn.payload).eq(queue.r.payload),
+            turn.valid.eq(queue.r.valid),
         ]
         return queue

@@ -2,13 +2,13 @@
 
 from amaranth import Module, Mux, Signal
 from amaranth.lib import data, stream, wiring
-from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
 from lightloom.golden_model.contract.formats import HIT, RAY_RESULT, TRACE_ERRORS
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.counters import Counter
 from lightloom.rtl.fabric.layouts import packet_of
+from lightloom.rtl.fabric.memory import Ram
 from lightloom.rtl.traversal.intake import ray_status
 from lightloom.rtl.traversal.records import Ports, failure, strobe
 
@@ -53,14 +53,11 @@ class Results(wiring.Component):
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        m.submodules.statuses = statuses = Memory(
-            shape=self.start.payload.status.shape(), depth=self._contexts, init=[]
-        )
-        status_write = statuses.write_port()
+        m.submodules.statuses = statuses = Ram(self.start.payload.status.shape(), self._contexts)
         m.d.comb += [
-            status_write.en.eq(self.start.valid),
-            status_write.addr.eq(self.start.payload.context),
-            status_write.data.eq(self.start.payload.status),
+            statuses.w_en.eq(self.start.valid),
+            statuses.w_addr.eq(self.start.payload.context),
+            statuses.w_data.eq(self.start.payload.status),
         ]
         # All that is kept of a context is read in the cycle in which it comes, and anew while its result waits.
         moves = Signal()
@@ -68,12 +65,11 @@ class Results(wiring.Component):
         asked = Signal(self._finished["context"].shape)
         with m.If(moves):
             m.d.sync += [self.o.valid.eq(self.i.valid), ray.eq(self.i.payload)]
-        status_read = statuses.read_port()
         m.d.comb += [
             moves.eq(~self.o.valid | self.o.ready),
             self.i.ready.eq(moves),
             asked.eq(Mux(moves, self.i.payload.context, ray.context)),
-            status_read.addr.eq(asked),
+            statuses.r_addr.eq(asked),
             self.hit_read.context.eq(asked),
             self.release.valid.eq(self.o.valid & self.o.ready),
             self.release.context.eq(ray.context),
@@ -81,19 +77,17 @@ class Results(wiring.Component):
         reasons = []
         for name, side in zip(("node", "leaf"), self.failed, strict=True):
             layout = data.StructLayout({key: self._failure[key].shape for key in ("error", "block")})
-            m.submodules[f"failed_{name}"] = memory = Memory(shape=layout, depth=self._contexts, init=[])
-            write = memory.write_port()
-            read = memory.read_port()
+            m.submodules[f"failed_{name}"] = memory = Ram(layout, self._contexts)
             m.d.comb += [
-                write.en.eq(side.valid),
-                write.addr.eq(side.payload.context),
-                write.data.error.eq(side.payload.error),
-                write.data.block.eq(side.payload.block),
-                read.addr.eq(asked),
+                memory.w_en.eq(side.valid),
+                memory.w_addr.eq(side.payload.context),
+                memory.w_data.error.eq(side.payload.error),
+                memory.w_data.block.eq(side.payload.block),
+                memory.r_addr.eq(asked),
             ]
-            reasons.append(read.data)
+            reasons.append(memory.r_data)
 
-        status, hit = status_read.data, self.hit_read.hit
+        status, hit = statuses.r_data, self.hit_read.hit
         result: data.View = self.o.payload.data
         m.d.comb += [self.o.payload.tag.eq(status.tag), result.invalid.eq(status.invalid)]
         with m.If(status.no_tree):

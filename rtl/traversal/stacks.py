@@ -2,11 +2,11 @@
 
 from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
-from amaranth.lib.fifo import SyncFIFOBuffered
-from amaranth.lib.memory import Memory
 from amaranth.lib.wiring import In, Out
 
 from lightloom.rtl.config import Config
+from lightloom.rtl.fabric.fifos import RamFifo
+from lightloom.rtl.fabric.memory import Ram
 from lightloom.rtl.traversal.records import (
     ADDRESS_BITS,
     RANK_BITS,
@@ -49,17 +49,16 @@ class Stacks(wiring.Component):
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
-        m.submodules.entries = entries = Memory(shape=STACK_ENTRY, depth=self._contexts * self._stack, init=[])
-        write = entries.write_port()
-        read = entries.read_port()
+        m.submodules.entries = entries = Ram(STACK_ENTRY, self._contexts * self._stack)
+        written: data.View = entries.w_data
 
         def place(context: Value, position: Value) -> Value:
             # Contexts are a power of two: position * contexts + context, without an adder.
-            return Cat(context, position)[: len(read.addr)]
+            return Cat(context, position)[: len(entries.r_addr)]
 
         # One list is being written, the others wait in a queue; where that is empty, the next one goes past it.
         pushed = self.push.payload
-        m.submodules.lists = lists = SyncFIFOBuffered(width=len(Value.cast(pushed)), depth=LISTS - 1)
+        m.submodules.lists = lists = RamFifo(len(Value.cast(pushed)), LISTS - 1)
         item = Signal(pushed.shape(), reset_less=True)
         writing = Signal()
         moves = Signal()
@@ -68,16 +67,16 @@ class Stacks(wiring.Component):
         m.d.comb += [
             moves.eq(~writing | last),
             past.eq(moves & (lists.level == 0)),
-            lists.w_data.eq(Value.cast(pushed)),
-            lists.w_en.eq(self.push.valid & ~past),
-            lists.r_en.eq(moves),
-            self.push.ready.eq(lists.w_rdy),
+            lists.w.payload.eq(Value.cast(pushed)),
+            lists.w.valid.eq(self.push.valid & ~past),
+            lists.r.ready.eq(moves),
+            self.push.ready.eq(lists.w.ready),
             self.backlog.eq((lists.level != 0) | (writing & ~last)),
         ]
         with m.If(moves):
             m.d.sync += [
-                writing.eq(lists.r_rdy | (self.push.valid & past)),
-                Value.cast(item).eq(Mux(past, Value.cast(pushed), lists.r_data)),
+                writing.eq(lists.r.valid | (self.push.valid & past)),
+                Value.cast(item).eq(Mux(past, Value.cast(pushed), lists.r.payload)),
             ]
         done = Signal(RANK_BITS)  # entries of this list that are written
         index = Signal(RANK_BITS)
@@ -86,24 +85,24 @@ class Stacks(wiring.Component):
         m.d.comb += [
             index.eq(item.last - done),
             last.eq(index == item.first),
-            write.en.eq(writing),
-            write.addr.eq(place(item.context, item.height + done)),
-            write.data.entry.eq(item.entry[index]),
-            write.data.address.eq(item.base + Mux(item.again, 0, item.slot[index])),
-            write.data.leaf.eq(~item.again & item.leaf.bit_select(item.slot[index], 1)),
-            write.data.rank.eq(Mux(item.again, item.first, 0)),
+            entries.w_en.eq(writing),
+            entries.w_addr.eq(place(item.context, item.height + done)),
+            written.entry.eq(item.entry[index]),
+            written.address.eq(item.base + Mux(item.again, 0, item.slot[index])),
+            written.leaf.eq(~item.again & item.leaf.bit_select(item.slot[index], 1)),
+            written.rank.eq(Mux(item.again, item.first, 0)),
             near.eq(item.near.bit_select(index, 1)),
             self.near_leaf.payload.address.eq(near_address),
-            write.data.near_below.eq(Mux(done == 0, item.near_below, item.near.bit_select((index + 1)[:RANK_BITS], 1))),
+            written.near_below.eq(Mux(done == 0, item.near_below, item.near.bit_select((index + 1)[:RANK_BITS], 1))),
             self.written.valid.eq(writing & last),
             self.written.context.eq(item.context),
-            read.en.eq(self.read.en),
-            read.addr.eq(place(self.read.context, self.read.position)),
-            self.read.entry.eq(read.data),
+            entries.r_en.eq(self.read.en),
+            entries.r_addr.eq(place(self.read.context, self.read.position)),
+            self.read.entry.eq(entries.r_data),
         ]
         m.d.sync += [
-            self.near_leaf.valid.eq(writing & write.data.leaf & near),
-            near_address.eq(write.data.address),
+            self.near_leaf.valid.eq(writing & written.leaf & near),
+            near_address.eq(written.address),
         ]
         with m.If(writing):
             m.d.sync += done.eq(Mux(last, 0, done + 1))

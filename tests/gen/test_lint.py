@@ -26,6 +26,11 @@ SHIFT = re.compile(r" (<<<?|>>>?) ")
 """width-trunc is waived for an assigned shift alone: nobody reads its highest bits, and Yosys narrows the result."""
 
 
+def files_of(folder: Path, unit: str) -> list[Path]:
+    """The Verilog of an emitted unit."""
+    return [path for path in (folder / f"{unit}.v", folder / f"{unit}_memories.v") if path.exists()]
+
+
 def lint(*files: Path, top: str) -> str:
     verilator = toolchain.verilator()
     command = [verilator.binary, "--lint-only", "-Wall", "--top-module", top, *map(str, files)]
@@ -36,7 +41,7 @@ def lint(*files: Path, top: str) -> str:
 @pytest.mark.parametrize("preset", PRESETS)
 def test_verilator(emitted: Callable[[str], Path], preset: str) -> None:
     for unit in CATALOGUE:
-        assert lint(WAIVERS, emitted(preset) / f"{unit}.v", top=unit) == "", unit
+        assert lint(WAIVERS, *files_of(emitted(preset), unit), top=unit) == "", unit
 
 
 @pytest.mark.icarus
@@ -44,18 +49,19 @@ def test_verilator(emitted: Callable[[str], Path], preset: str) -> None:
 @pytest.mark.parametrize("preset", PRESETS)
 def test_icarus_as_verilog_2001(emitted: Callable[[str], Path], preset: str) -> None:
     for unit in CATALOGUE:
-        command = [toolchain.icarus(), "-g2001", "-Wall", "-tnull", "-s", unit, str(emitted(preset) / f"{unit}.v")]
+        command = [toolchain.icarus(), "-g2001", "-Wall", "-tnull", "-s", unit]
+        command += map(str, files_of(emitted(preset), unit))
         done = subprocess.run(command, capture_output=True, text=True)
         assert (done.returncode, done.stdout, done.stderr) == (0, "", ""), unit
 
 
-def slang(source: Path) -> list[str]:
-    """What slang says about a file, parsed, elaborated and analysed, that is not waived: message and line."""
+def slang(*sources: Path) -> list[str]:
+    """What slang says about files, parsed, elaborated and analysed, that is not waived: message and line."""
     pyslang = pytest.importorskip("pyslang", reason="slang is missing: pip install pyslang")
     driver = pyslang.driver.Driver()
     driver.addStandardArgs()
     options = ["-Weverything", *(f"-Wno-{name}" for name in SLANG_WAIVERS)]
-    assert driver.parseCommandLine(" ".join(["slang", *options, str(source)]))
+    assert driver.parseCommandLine(" ".join(["slang", *options, *map(str, sources)]))
     assert driver.processOptions()
     assert driver.parseAllSources()
     compilation = driver.createCompilation()
@@ -79,7 +85,7 @@ def slang(source: Path) -> list[str]:
 @pytest.mark.parametrize("preset", PRESETS)
 def test_slang(emitted: Callable[[str], Path], preset: str) -> None:
     for unit in CATALOGUE:
-        assert slang(emitted(preset) / f"{unit}.v") == [], unit
+        assert slang(*files_of(emitted(preset), unit)) == [], unit
 
 
 def test_waivers_hide_no_real_fault(tmp_path: Path) -> None:

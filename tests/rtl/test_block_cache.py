@@ -141,7 +141,7 @@ def test_hundreds_of_thousands_of_requests(cache: str, tmp_path: Path) -> None:
         ("assign wrong = ", "assign wrong = 1'b0 & ", "errors", "block 3: error 0"),
         ("assign i__ready = ~ kept_valid;", "assign i__ready = 1'b1;", "run=2", "hangs"),
         ("if (answers) answer_tag", "if (1'b1) answer_tag", "run=5", "a waiting result changed"),
-        ("if (moves) begin", "if (1'b1) begin", "run=3", "answered twice|wanted 0x|hangs|never made"),
+        (".r_en(entries_r_en)", ".r_en(1'b1)", "run=3", "answered twice|wanted 0x|hangs|never made"),
     ],
     ids=["lock", "beats", "error", "lost", "unstable", "list"],
 )

@@ -46,7 +46,7 @@ def test_ten_thousand_rays(simulator: str, tmp_path: Path) -> None:
 # --- broken units -----------------------------------------------------------------------------------------------------
 
 
-SWAPPED = "{ status_read__data[13:1], ~status_read__data[0]"
+SWAPPED = "{ statuses_r_data[13:1], ~statuses_r_data[0]"
 
 
 def broken(verilog: str, module: str, original: str, mutant: str) -> str:
@@ -62,9 +62,9 @@ def broken(verilog: str, module: str, original: str, mutant: str) -> str:
 @pytest.mark.parametrize(
     ("module", "original", "mutant", "only", "message"),
     [
-        ("node_blocks.cache.waiters", "first_d1 <= first;", "first_d1 <= 1'h1;", "stalled/run=0", "hangs"),
-        ("results", "= { status_read__data[13:0]", "= { ~status_read__data[13:0]", "stalled/run=5", "of no request"),
-        ("results", "= { status_read__data[13:0]", f"= {SWAPPED}", "stalled/run=5", "results differ"),
+        ("node_blocks.cache.waiters", "data.last  <= first;", "data.last  <= 1'h1;", "stalled/run=0", "hangs"),
+        ("results", "= { statuses_r_data[13:0]", "= { ~statuses_r_data[13:0]", "stalled/run=5", "of no request"),
+        ("results", "= { statuses_r_data[13:0]", f"= {SWAPPED}", "stalled/run=5", "results differ"),
         ("results", "<= i__valid", "<= i__valid | (o__valid & ray[0])", "stalled/run=5", "doubled tags"),
         ("results", "if (moves) o__valid <=", "o__valid <=", "stalled/run=5", "was withdrawn|result changed"),
         ("results", "= o__valid & o__ready", "= o__valid", "stalled/run=5", "result changed|hangs"),
