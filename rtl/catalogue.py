@@ -15,7 +15,8 @@ from lightloom.rtl.intersection.ray_triangle import RayTriangle, RayTriangleHalf
 from lightloom.rtl.maintenance.texel_blend import TexelBlend
 from lightloom.rtl.maintenance.texel_match import TexelMatch
 from lightloom.rtl.maintenance.texel_project import TexelProject
-from lightloom.rtl.operators.fixed_to_float import Fixed64ToFloat, FixedToFloat
+from lightloom.rtl.operators.fixed64_to_float import Fixed64ToFloat
+from lightloom.rtl.operators.fixed_to_float import FixedToFloat
 from lightloom.rtl.operators.float_add import FloatAdd
 from lightloom.rtl.operators.float_compare import FloatCompare
 from lightloom.rtl.operators.float_difference_of_products import FloatDifferenceOfProducts

@@ -35,8 +35,8 @@ ROOMS = tuple(MAY_IMPORT)
 
 FLOORS: dict[str, tuple[set[str], ...]] = {
     "golden_model": (
-        {"renderer", "oracle"},
-        {"maintenance", "frame", "charts", "models", "stimuli"},
+        {"renderer", "oracle", "models"},
+        {"maintenance", "frame", "charts", "stimuli"},
         {"tracing", "rays", "pictures"},
         {"scene", "machine"},
         {"numerics"},
@@ -44,7 +44,7 @@ FLOORS: dict[str, tuple[set[str], ...]] = {
     ),
     "rtl": (
         {"catalogue"},
-        {"traversal"},
+        {"traversal", "maintenance"},
         {"intersection", "memory"},
         {"operators"},
         {"fabric"},

@@ -91,7 +91,7 @@ def unpack(packed: np.ndarray, dtype: np.dtype) -> np.ndarray:
             raw = np.zeros(len(source), dtype=np.uint64 if bit_width > 32 else np.uint32)
             for word, shift, place, size in _pieces(offset, bit_width):
                 piece = source[:, word] >> np.uint32(shift) & np.uint32((1 << size) - 1)
-                raw |= piece.astype(raw.dtype, copy=False) << raw.dtype.type(place)
+                raw = raw | piece.astype(raw.dtype, copy=False) << raw.dtype.type(place)
             target[name][(slice(None), *index)] = _value(raw, base, bit_width)
     return out
 

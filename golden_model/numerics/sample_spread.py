@@ -69,7 +69,8 @@ def relative_spread(groups: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray | 
     stratified this is an upper estimate. A group of one ray, or of none, says nothing and counts as 0, so does a dark
     sample.
     """
-    variance, total = np.float32(0), np.int64(0)
+    dark = np.zeros(len(groups[0][0]), dtype=np.float32)
+    variance, total = dark, dark.astype(np.int64)
     for sums, squares, rays in groups:
         count = np.asarray(rays, dtype=np.int64)
         n, others = fixed64_to_float(count), fixed64_to_float(count - 1)
@@ -77,7 +78,7 @@ def relative_spread(groups: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray | 
         mean_of_squares = float_divide(float_multiply(summed, summed), n)
         about_mean = float_add(fixed64_to_float(squares), mean_of_squares, subtract=True)
         factor = np.where(count > 1, float_divide(n, others), np.float32(0))
-        variance = float_add(variance, float_multiply(float_minmax(about_mean, np.float32(0), True), factor))
+        variance = float_add(variance, float_multiply(float_minmax(about_mean, dark, True), factor))
         total = total + sums.astype(np.int64)
     relative = float_divide(float_sqrt(variance), fixed64_to_float(total))
     return np.clip(float_to_fixed(relative, RELATIVE_BITS).astype(np.int64), 0, RELATIVE_MAX)

@@ -9,7 +9,8 @@ from amaranth import Cat, Const, Value
 
 from lightloom.rtl.blocks import Operators
 from lightloom.rtl.fabric.dataflow import Dataflow, Node
-from lightloom.rtl.operators.fixed_to_float import Fixed64ToFloat, FixedToFloat
+from lightloom.rtl.operators.fixed64_to_float import Fixed64ToFloat
+from lightloom.rtl.operators.fixed_to_float import FixedToFloat
 from lightloom.rtl.operators.float_add import FloatAdd
 from lightloom.rtl.operators.float_compare import FloatCompare
 from lightloom.rtl.operators.float_difference_of_products import FloatDifferenceOfProducts

@@ -1,4 +1,4 @@
-"""int32 or int64 with a binary point to float32."""
+"""int32 with a binary point to float32; the steps are those of any width."""
 
 from typing import Any
 
@@ -51,13 +51,3 @@ class FixedToFloat(StepCore):
     @classmethod
     def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
         return [(magnitude, 12), (count, 10), (normalise, 10), (round_float, 12)]
-
-
-class Fixed64ToFloat(StepCore):
-    """Fixed point of 64 bits to float32; depth 0 to 4."""
-
-    declared = PURE["fixed64_to_float"]
-
-    @classmethod
-    def steps(cls, format: FloatFormat) -> list[tuple[Step, int]]:
-        return [(magnitude, 14), (count, 12), (normalise, 12), (round_float, 12)]

@@ -18,7 +18,7 @@ def _project(i: np.ndarray, o: np.ndarray) -> Groups:
     along = (flush(i["position"] - i["eye"]).astype(np.float64) * i["normal"]).sum(axis=1)
     last = np.stack([i["width"], i["height"]], axis=1).astype(int) - 1
     pixels = np.stack([column, row], axis=2).astype(int)
-    ends = {}
+    ends: dict[str, np.ndarray] = {}
     for axis, name in enumerate(("column", "row")):
         first, second = pixels[:, 0, axis], pixels[:, 1, axis]
         inner = (first > 0) & (second < last[:, axis])

@@ -39,6 +39,6 @@ def texel_blend(operands: np.ndarray) -> np.ndarray:
 
 def _alpha(operands: np.ndarray) -> np.ndarray:
     """The weight of the sample, (N,) float32."""
-    mean = float_divide(np.float32(1), operands["count"].astype(np.float32) + np.float32(1))
+    mean = float_divide(np.ones(1, np.float32), operands["count"].astype(np.float32) + np.float32(1))
     alpha = float_minmax(mean, operands["alpha_min"], True)
     return np.where(operands["heavy"] > 0, float_minmax(alpha, operands["alpha_heavy"], True), alpha)

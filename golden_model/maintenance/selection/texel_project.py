@@ -56,7 +56,7 @@ def _tolerance(operands: np.ndarray, depth: np.ndarray, above: np.ndarray, outsi
     over = _greatest(flush(_scalar(operands, "focal") * above), SHORTEST)
     steep = flush(flush(flush(across + along) * depth) / over)
     reach = flush(_scalar(operands, "depth_slopes") * flush(np.float32(1) + outside))
-    slope = float_minmax(flush(steep * reach), _scalar(operands, "depth_limit"), False)
+    slope = float_minmax(flush(steep * reach), _scalar(operands, "depth_limit"))
     part = flush(slope + _scalar(operands, "depth_relative"))
     return flush(flush(part * depth) + _scalar(operands, "depth_fixed"))
 
@@ -86,4 +86,4 @@ def _dot(a: Vector, b: Vector) -> np.ndarray:
 
 
 def _greatest(a: np.ndarray, b: np.ndarray | np.float32) -> np.ndarray:
-    return float_minmax(a, b, True)
+    return float_minmax(a, np.asarray(b), True)

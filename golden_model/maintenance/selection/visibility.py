@@ -75,7 +75,7 @@ def _to_project(position: np.ndarray, normal: np.ndarray, view: View, texel_size
     for name in ("facing_slack", "depth_slopes", "depth_limit", "depth_relative"):
         out[name] = getattr(policy, name)
     out["texel_size"] = texel_size
-    out["depth_fixed"] = float_multiply(np.float32(texel_size), np.float32(policy.depth_texels))
+    out["depth_fixed"] = float_multiply(out["texel_size"], np.asarray(policy.depth_texels, dtype=np.float32))
     return out
 
 
