@@ -75,7 +75,10 @@ class Wrapped(wiring.Component):
 
     def _words(self, m: Module) -> Memory:
         """The memory itself, and its port to write."""
-        m.submodules.words = words = Memory(shape=self.wrapper.width, depth=self.wrapper.depth, init=[])
+        # By this attribute Yosys and others spare the logic that makes a block RAM give the old word.
+        attributes = {"no_rw_check": 1} if self.wrapper.read_during_write == "any" else {}
+        words = Memory(shape=self.wrapper.width, depth=self.wrapper.depth, init=[], attrs=attributes)
+        m.submodules.words = words
         write = words.write_port()
         m.d.comb += [
             write.en.eq(self.w_en),

@@ -81,6 +81,14 @@ def test_no_initial_values_and_no_dont_cares(base: Path) -> None:
         assert not re.search(r"assign .*'[bh]x", verilog)
 
 
+def test_registers_have_names(base: Path) -> None:
+    """One without is a part of a vector that has one. (Wires without are results inside of expressions.)"""
+    for unit in CATALOGUE:
+        for module in re.findall(r"^module .*?^endmodule", (base / f"{unit}.v").read_text(), re.M | re.S):
+            for register in re.findall(r"^  reg (?:\[[^\]]*\] )?(_\d+_);", module, re.M):
+                assert re.search(rf"^  assign (?!_\d+_)[^=]+ = {register};", module, re.M), (unit, register)
+
+
 def test_bytes_depend_on_nothing_else(emitted: Callable[[str], Path], tmp_path: Path) -> None:
     """The same bytes from another process with another hash seed: of the traversal unit, which holds most of the
     others, and of an operator."""

@@ -110,6 +110,7 @@ def test_the_manifest_lists_them(base: Path, unit: str) -> None:
         assert f"  reg [{each['width'] - 1}:0] words [{each['depth'] - 1}:0];" in text
         assert len(re.findall(r"^  output ", text, re.M)) == each["reads"]
         assert ("posedge clk" in text.split("if (w_en)")[1]) == (each["kind"] == "ram")
+        assert ("(* no_rw_check" in text) == (each["read_during_write"] == "any")
         said = " ".join(line.removeprefix("// ") for line in text.splitlines() if line.startswith("//"))
         assert READ_DURING_WRITE[each["read_during_write"]] in said
         assert each["instances"] == len(re.findall(rf"^  {each['module']} \S+ \($", design, re.M)) > 0
