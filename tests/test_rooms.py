@@ -45,7 +45,7 @@ FLOORS: dict[str, tuple[set[str], ...]] = {
     "rtl": (
         {"catalogue"},
         {"traversal"},
-        {"intersection", "memory"},
+        {"intersection", "memory", "registers"},
         {"operators"},
         {"fabric"},
         {"config"},
