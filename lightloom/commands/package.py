@@ -7,7 +7,7 @@ import typer
 
 from lightloom.rtl.config import PRESET_SUMMARIES, PRESETS
 from lightloom.shared.inputs import choose
-from lightloom.shared.options import Json
+from lightloom.shared.options import Bus, Json
 
 
 def package(
@@ -30,16 +30,18 @@ def package(
     prefix: Annotated[
         str, typer.Option("--prefix", metavar="NAME_", help="What the names of all modules begin with.")
     ] = "",
+    bus: Bus = "",
     json: Json = False,
 ) -> None:
     from lightloom.hardware.package_inputs import package_units
-    from lightloom.rtl.catalogue import CATALOGUE
+    from lightloom.rtl.catalogue import BUSES, CATALOGUE
     from lightloom.shared.console import Progress, print_json, print_table
 
     choose(preset, PRESETS, "preset")
+    bus = choose(bus, BUSES, "bus") if bus else ""
     names = [choose(name, CATALOGUE, "unit") for name in dict.fromkeys(units or CATALOGUE)]
     with Progress() as progress, progress.stage("Package", len(names)) as advance:
-        described = package_units(names, preset, clock, out, advance, prefix)
+        described = package_units(names, preset, clock, out, advance, prefix, bus)
     if json:
         print_json({"out": str(out), **described})
         return

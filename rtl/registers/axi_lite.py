@@ -12,7 +12,7 @@ OKAY, SLVERR = 0b00, 0b10
 class AxiLite(wiring.Signature):
     """All of AXI4-Lite's channels, by AXI's names, with 32 bits of data; a slave's member of it is an `In`.
 
-    `address_width` (from 3 up) is that of byte addresses. Whoever has no protection bits ties `awprot` and `arprot` low.
+    `address_width` (from 3 up) is that of byte addresses. Where there is no protection, `awprot` and `arprot` are low.
     """
 
     def __init__(self, address_width: int):

@@ -27,7 +27,7 @@ class RegisterFront(UnitComponent):
     operation is, so each gets its own results. Where both offer operands, software's go first. Two results of software
     wait at most; those behind them wait in the unit, and so do those of the streams: software has to take what is its.
 
-    `interrupt` is high while an event is pending and enabled. Where the unit forgets what is under way, operands of
+    `irq` is high while an event is pending and enabled. Where the unit forgets what is under way, operands of
     software that wait, and results that do, are forgotten too.
     """
 
@@ -43,7 +43,7 @@ class RegisterFront(UnitComponent):
             tag_width,
             memory=unit.m_axi.signature if hasattr(unit, "m_axi") else None,
             bus=AxiLite(self._file.table.address_width),
-            ports={"interrupt": INTERRUPT},
+            ports={"irq": INTERRUPT},
         )
         self.table = self._file.table
         """Its registers."""
@@ -131,4 +131,4 @@ class RegisterFront(UnitComponent):
             ]
             m.d.sync += before.eq(level)
         names = (RESULT_CAME, *(event.name for event in self._unit.EVENTS))
-        m.d.comb += self.interrupt.eq(any_of(getattr(file, name) & getattr(file, f"{name}_enable") for name in names))
+        m.d.comb += self.irq.eq(any_of(getattr(file, name) & getattr(file, f"{name}_enable") for name in names))

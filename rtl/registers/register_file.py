@@ -20,8 +20,8 @@ class RegisterFile(wiring.Component):
     is answered with SLVERR; it reads 0 and changes nothing. The lowest two bits of an address are not looked at. Bytes
     without their strobe keep what they are.
 
-    A read of the lower half of a read-only register of 64 bits keeps its upper half; a read of an upper half gives what
-    was kept last. So a counter is read whole by its lower half first, as long as no other lower half is read in between.
+    A read of the lower half of a register of 64 bits keeps its upper half; a read of an upper half gives what was kept
+    last. So a counter is read whole by its lower half first, as long as no other lower half is read in between.
 
     A write is done in the cycle after both its address and its data have come, in either order, and when the answer to
     the one before is taken. Addresses, data and answers wait in registers of their own; all outputs of the port are
