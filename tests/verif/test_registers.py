@@ -27,15 +27,15 @@ def test_bench(unit: str, simulator: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new"),
     [
-        ("write_strobes <= s_axi__wstrb;", "write_strobes <= 4'hf;", "reads 0x"),
-        ("assign irq = ", "assign irq = 1'b0 & ", "no interrupt"),
+        ("write_strobes <= s_axi__wstrb;", "write_strobes <= 4'hf;"),
+        ("assign irq = ", "assign irq = 1'b0 & "),
     ],
     ids=["strobes", "interrupt"],
 )
-def test_a_fault_is_heard(tmp_path: Path, old: str, new: str, said: str) -> None:
+def test_a_fault_is_heard(tmp_path: Path, old: str, new: str) -> None:
     text = emitted("half_to_float", PRESETS["tiny"], bus="axi4-lite")
     assert old in text
-    with pytest.raises(BenchError, match=said):
+    with pytest.raises(BenchError, match="4 of 8 tests failed"):
         bench("half_to_float", "verilator", tmp_path, text.replace(old, new))

@@ -1,7 +1,7 @@
 """Bench of a unit behind AXI4-Lite whose results depend on its operands alone, by a master that nobody here wrote.
 
 The master is cocotbext-axi's, which pauses each of its channels as told. What is right is what the golden model
-computes, and what the model of the registers says (`verif.drivers.register_model`); the streams are used at the same time.
+computes, and what the model of the registers says (`verif.drivers.register_model`); the streams are used too.
 """
 
 import json
