@@ -80,8 +80,8 @@ model's results, in all bits.
 |---|---|
 | the protocol and what accesses do: proved for all time; 21 faults are noticed | `gen/formal/register_file.py` |
 | the register file against a model, all channels stalled, all that it reads in motion | `tests/rtl/registers/` |
-| registers and streams at the same time, by cocotbext-axi's master, on both simulators | `verif/benches/test_registers.py` |
-| rays through registers by a program in C, on Verilator | `tests/sim/test_register_bus.py` |
+| registers and streams at a time, by cocotbext-axi's master, on both simulators | `verif/benches/test_registers.py` |
+| rays through registers by a program in C, and aborts, on Verilator | `tests/sim/test_register_bus.py` |
 | PeakRDL's regblock, html, ip-xact and c-header read the SystemRDL | `tests/gen/test_package_files.py` |
 """
 

@@ -19,6 +19,7 @@ from lightloom.sim.run_traversal_bench import SMALL
 from tests import ROOT
 
 PROGRAM = ROOT / "examples" / "registers" / "trace.c"
+ABORTS = Path(__file__).with_name("aborts.c")
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler: apt install gcc")
 
@@ -71,6 +72,20 @@ def test_a_tree_that_is_none_is_refused(headers: Path, traced: Scene, tmp_path: 
     done = run(program, traced, tmp_path, base=traced.base + 4, seed=1)
     assert done.returncode == 1
     assert done.stderr == f"no tree: load_error {LOAD_ERRORS['base']}\n"
+
+
+@needs_gcc
+@pytest.mark.parametrize("seed", [0, 31])
+def test_an_abort_forgets_what_waits_in_registers(headers: Path, traced: Scene, tmp_path: Path, seed: int) -> None:
+    program = compiled(ABORTS, SMALL, includes=[headers])
+    (tmp_path / "image.bin").write_bytes(traced.image)
+    bitpack.pack(traced.queries).tofile(tmp_path / "queries.bin")
+    arguments = ["image.bin", str(traced.base), "queries.bin", str(len(traced.queries)), str(seed)]
+    done = subprocess.run([program, *arguments], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, f"seed {seed}: {done.stderr}"
+    first = traced.results[:1]
+    wanted = [int(first[name].view(np.uint32)[0]) for name in ("primitive", "t")]
+    assert [int(word, 16) for word in done.stdout.split()] == wanted
 
 
 @needs_gcc
