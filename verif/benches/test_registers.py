@@ -126,8 +126,9 @@ async def operations_through_registers(dut: Any, willing: str) -> None:
             seen = await bench.get(name)
             assert seen == value, f"seed {bench.seed}: {mine[k]}: {name} {seen:#x}, not {value:#x}"
         await bench.put(release=1)
-    seen = (await streams).received
-    assert seen == payloads(golden[half:], np.arange(len(theirs)) % tags), f"seed {bench.seed}: results of the stream"
+    received = (await streams).received
+    tagged = payloads(golden[half:], np.arange(len(theirs)) % tags)
+    assert received == tagged, f"seed {bench.seed}: results of the stream"
     assert await bench.get("result_waits") == 0
 
 

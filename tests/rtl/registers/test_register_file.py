@@ -78,8 +78,8 @@ def test_reads_and_writes_at_random(busy: float) -> None:
             if taken["ar"] and not ctx.get(port.rvalid):
                 wanted["r"].append(model.read(taken["ar"].popleft()["araddr"]))
             if taken["aw"] and taken["w"] and not ctx.get(port.bvalid):
-                address, word = taken["aw"].popleft(), taken["w"].popleft()
-                wanted["b"].append((model.write(address["awaddr"], word["wdata"], word["wstrb"]),))
+                place, word = taken["aw"].popleft(), taken["w"].popleft()
+                wanted["b"].append((model.write(place["awaddr"], word["wdata"], word["wstrb"]),))
                 expected = model.strobes
             for name, happens in events.items():
                 if happens:
