@@ -13,7 +13,7 @@ SHARING, FOLLOWING = "rtl/memory/axi_sharing.py", "rtl/memory/axi_following.py"
 POPPED, RUN_AHEAD = "rtl/traversal/popped_visits.py", "rtl/traversal/run_ahead.py"
 STACKS, VISITED = "rtl/traversal/stacks.py", "rtl/traversal/visited_blocks.py"
 REQUESTS = "rtl/memory/block_requests.py"
-REGISTERS, FRONT = "rtl/registers/register_file.py", "rtl/registers/front.py"
+REGISTERS, FRONT = "rtl/registers/register_block.py", "rtl/registers/front.py"
 SHARED_BY_SOFTWARE = ("tests/rtl/registers/test_front.py::test_software_and_streams_share_a_unit",)
 STREAM = ("float_add/stream-tiny",)
 NEAR = ("tests/rtl/test_control.py::test_which_entries_are_near",)
@@ -1623,7 +1623,7 @@ _FAULTS = (
         old="held.eq((bits & written) | (held & ~written))",
         new="held.eq(bits)",
         what="a write changes bytes without their strobe",
-        checks=("register_file/contents",),
+        checks=("register_block/contents",),
     ),
     Mutation(
         name="registers-clear-wins",
@@ -1631,7 +1631,7 @@ _FAULTS = (
         old='port.eq(getattr(self, f"{one.name}_set") | (port & ~cleared))',
         new='port.eq((getattr(self, f"{one.name}_set") | port) & ~cleared)',
         what="an event in the cycle in which it is cleared is lost",
-        checks=("register_file/contents",),
+        checks=("register_block/contents",),
     ),
     Mutation(
         name="registers-clear-without-strobe",
@@ -1639,7 +1639,7 @@ _FAULTS = (
         old="cleared = taken & bits & written",
         new="cleared = taken & bits",
         what="an event is cleared by a byte that is not written",
-        checks=("register_file/contents",),
+        checks=("register_block/contents",),
     ),
     Mutation(
         name="registers-strobe-without-strobe",
@@ -1647,7 +1647,7 @@ _FAULTS = (
         old="m.d.sync += port.eq(taken & bits & written)",
         new="m.d.sync += port.eq(taken & bits)",
         what="something happens by a byte that is not written",
-        checks=("register_file/contents",),
+        checks=("register_block/contents",),
     ),
     Mutation(
         name="registers-strobe-stays",
@@ -1655,7 +1655,7 @@ _FAULTS = (
         old="m.d.sync += port.eq(taken & bits & written)",
         new="m.d.sync += port.eq(port | (taken & bits & written))",
         what="what should happen once goes on",
-        checks=("register_file/contents",),
+        checks=("register_block/contents",),
     ),
     Mutation(
         name="registers-answer-overtaken",
@@ -1663,7 +1663,7 @@ _FAULTS = (
         old="done.eq(addressed & given & ~port.bvalid)",
         new="done.eq(addressed & given)",
         what="the answer to a write is lost behind one that waits",
-        checks=("register_file/protocol", "register_file/contents"),
+        checks=("register_block/protocol", "register_block/contents"),
     ),
     Mutation(
         name="registers-write-without-data",
@@ -1671,7 +1671,7 @@ _FAULTS = (
         old="done.eq(addressed & given & ~port.bvalid)",
         new="done.eq(addressed & ~port.bvalid)",
         what="a write is done before its data have come",
-        checks=("register_file/protocol", "register_file/contents"),
+        checks=("register_block/protocol", "register_block/contents"),
     ),
     Mutation(
         name="registers-answer-withdrawn",
@@ -1679,7 +1679,7 @@ _FAULTS = (
         old="        with m.If(port.bready):",
         new="        with m.If(1):",
         what="the answer to a write is taken back",
-        checks=("register_file/protocol",),
+        checks=("register_block/protocol",),
     ),
     Mutation(
         name="registers-never-refused",
@@ -1687,7 +1687,7 @@ _FAULTS = (
         old="port.bresp.eq(Mux(refused, SLVERR, OKAY))",
         new="port.bresp.eq(OKAY)",
         what="a write of nothing seems to be done",
-        checks=("register_file/contents",),
+        checks=("register_block/contents",),
     ),
     Mutation(
         name="registers-hold-ignored",
@@ -1695,7 +1695,7 @@ _FAULTS = (
         old="taken[register.name].eq(done & ~held)",
         new="taken[register.name].eq(done)",
         what="what is held is written, though that is refused",
-        checks=("register_file/contents",),
+        checks=("register_block/contents",),
     ),
     Mutation(
         name="registers-upper-half-of-now",
@@ -1703,7 +1703,7 @@ _FAULTS = (
         old="m.d.comb += [found.eq(1), word.eq(kept)]",
         new="m.d.comb += [found.eq(1), word.eq(value[DATA_BITS:])]",
         what="a counter that carries between its halves is read wrongly",
-        checks=("register_file/contents",),
+        checks=("register_block/contents",),
     ),
     Mutation(
         name="registers-upper-half-not-kept",
@@ -1711,7 +1711,7 @@ _FAULTS = (
         old="                        with m.If(done):",
         new="                        with m.If(addressed):",
         what="the upper half is kept while the read waits, not when it is done",
-        checks=("register_file/contents",),
+        checks=("register_block/contents",),
     ),
     Mutation(
         name="registers-read-overtaken",
@@ -1719,7 +1719,7 @@ _FAULTS = (
         old="done.eq(addressed & ~port.rvalid)",
         new="done.eq(addressed)",
         what="what was read is lost behind a read that waits",
-        checks=("register_file/protocol", "register_file/contents"),
+        checks=("register_block/protocol", "register_block/contents"),
     ),
     Mutation(
         name="registers-always-ready",
@@ -1727,7 +1727,7 @@ _FAULTS = (
         old="port.awready.eq(~addressed)",
         new="port.awready.eq(1)",
         what="the address of a write is lost",
-        checks=("register_file/protocol",),
+        checks=("register_block/protocol",),
     ),
     Mutation(
         name="registers-read-again",
@@ -1735,7 +1735,7 @@ _FAULTS = (
         old="*(addressed.eq(0), port.rvalid.eq(1)),",
         new="*(addressed.eq(addressed), port.rvalid.eq(1)),",
         what="a read is answered for ever",
-        checks=("register_file/protocol",),
+        checks=("register_block/protocol",),
     ),
     Mutation(
         name="registers-not-set-by-reset",
@@ -1743,7 +1743,7 @@ _FAULTS = (
         old="held = Signal(one.width, init=one.reset,",
         new="held = Signal(one.width, init=0,",
         what="a control is 0 after a reset, whatever the table says",
-        checks=("register_file/contents",),
+        checks=("register_block/contents",),
     ),
     Mutation(
         name="registers-read-never-refused",
@@ -1751,7 +1751,7 @@ _FAULTS = (
         old="port.rresp.eq(Mux(found, OKAY, SLVERR))",
         new="port.rresp.eq(OKAY)",
         what="a read of nothing seems to be one",
-        checks=("register_file/contents",),
+        checks=("register_block/contents",),
     ),
     Mutation(
         name="front-offer-changed",
@@ -1772,8 +1772,8 @@ _FAULTS = (
     Mutation(
         name="front-tag-of-software",
         file=FRONT,
-        old="Cat(file.operand_tag, Const(1, 1))",
-        new="Cat(file.operand_tag, Const(0, 1))",
+        old="Cat(block.operand_tag, Const(1, 1))",
+        new="Cat(block.operand_tag, Const(0, 1))",
         what="operands of software are given as those of the stream",
         checks=SHARED_BY_SOFTWARE,
     ),

@@ -29,7 +29,7 @@ With `--bus axi4-lite` a unit is emitted behind registers, as a module of its ow
 SoC takes as it is. What the unit has as ports are fields; operations are given and taken through registers too. All
 of it follows from what the unit declares: its ports with their roles (`rtl/fabric/unit.py`), counters, events, and
 the formats of its streams. From that one table (`rtl/registers/table.py`) come the hardware
-(`rtl/registers/register_file.py`), the manifest's `registers`, and SystemRDL; of the SystemRDL PeakRDL makes a C
+(`rtl/registers/register_block.py`), the manifest's `registers`, and SystemRDL; of the SystemRDL PeakRDL makes a C
 header, IP-XACT and a page, in the package's `registers/` (that takes `pip install 'lightloom[registers]'`).
 
 ## The port
@@ -78,8 +78,8 @@ model's results, in all bits.
 
 | what | where |
 |---|---|
-| the protocol and what accesses do: proved for all time; 21 faults are noticed | `gen/formal/register_file.py` |
-| the register file against a model, all channels stalled, all that it reads in motion | `tests/rtl/registers/` |
+| the protocol and what accesses do: proved for all time; 21 faults are noticed | `gen/formal/register_block.py` |
+| the register block against a model, all channels stalled, all that it reads in motion | `tests/rtl/registers/` |
 | registers and streams at a time, by cocotbext-axi's master, on both simulators | `verif/benches/test_registers.py` |
 | rays through registers by a program in C, and aborts, on Verilator | `tests/sim/test_register_bus.py` |
 | PeakRDL's regblock, html, ip-xact and c-header read the SystemRDL | `tests/gen/test_package_files.py` |

@@ -13,7 +13,7 @@ from lightloom.rtl.fabric.one_hot import any_of
 from lightloom.rtl.fabric.queues import Buffer
 from lightloom.rtl.fabric.unit import Port, Role, UnitComponent
 from lightloom.rtl.registers.axi_lite import AxiLite
-from lightloom.rtl.registers.register_file import RegisterFile
+from lightloom.rtl.registers.register_block import RegisterBlock
 from lightloom.rtl.registers.table import Access, halves, table_of
 from lightloom.rtl.registers.unit_fields import ACCESS, RESULT_CAME, scalars, unit_fields
 
@@ -37,28 +37,28 @@ class RegisterFront(UnitComponent):
         if tag_width + 1 not in PARAMETERS["tag_width"].values:
             raise InputError(f"tag_width {tag_width}: behind a bus a tag has a bit less, for one says whose it is")
         self._unit = unit = make(config.but(tag_width=tag_width + 1))
-        self._file = RegisterFile(table_of(unit_fields(unit, tag_width)))
+        self._block = RegisterBlock(table_of(unit_fields(unit, tag_width)))
         super().__init__(
             unit.unit,
             tag_width,
             memory=unit.m_axi.signature if hasattr(unit, "m_axi") else None,
-            bus=AxiLite(self._file.table.address_width),
+            bus=AxiLite(self._block.table.address_width),
             ports={"irq": INTERRUPT},
         )
-        self.table = self._file.table
+        self.table = self._block.table
         """Its registers."""
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
         m.submodules.unit = unit = self._unit
-        m.submodules.registers = file = self._file
-        wiring.connect(m, wiring.flipped(self.s_axi), file.s_axi)
+        m.submodules.registers = block = self._block
+        wiring.connect(m, wiring.flipped(self.s_axi), block.s_axi)
         if hasattr(unit, "m_axi"):
             wiring.connect(m, unit.m_axi, wiring.flipped(self.m_axi))
         for name, port in unit.ports.items():
             value = Value.cast(getattr(unit, name))
             if ACCESS[port.role] is Access.RO:
-                m.d.comb += getattr(file, name).eq(value)
+                m.d.comb += getattr(block, name).eq(value)
             else:
                 m.d.comb += value.eq(self._written(name))
         self._operands(m)
@@ -68,26 +68,26 @@ class RegisterFront(UnitComponent):
 
     def _written(self, name: str) -> Value:
         """A field that software writes, or both of its halves."""
-        file = self._file
-        return Cat(getattr(file, each) for each in ([name] if hasattr(file, name) else halves(name)))
+        block = self._block
+        return Cat(getattr(block, each) for each in ([name] if hasattr(block, name) else halves(name)))
 
     def _operands(self, m: Module) -> None:
         """Operands of software, and between them those of the stream. None that is offered is withdrawn or changes."""
-        unit, file = self._unit, self._file
+        unit, block = self._unit, self._block
         waits, stays, mine = Signal(name="operands_wait"), Signal(name="stream_stays"), Signal(name="software_offers")
         payload = unit.i.payload
         m.d.comb += [
-            file.operands_wait.eq(waits),
+            block.operands_wait.eq(waits),
             mine.eq(waits & ~stays),
             unit.i.valid.eq(mine | self.i.valid),
             self.i.ready.eq(unit.i.ready & ~mine),
             Value.cast(payload.data).eq(Mux(mine, self._operand_bits(), Value.cast(self.i.payload.data))),
-            payload.tag.eq(Mux(mine, Cat(file.operand_tag, Const(1, 1)), self.i.payload.tag)),
+            payload.tag.eq(Mux(mine, Cat(block.operand_tag, Const(1, 1)), self.i.payload.tag)),
         ]
         m.d.sync += stays.eq(self.i.valid & ~unit.i.ready & ~mine)
         with m.If(unit.forgetting | (mine & unit.i.ready)):
             m.d.sync += waits.eq(0)
-        with m.Elif(file.submit):
+        with m.Elif(block.submit):
             m.d.sync += waits.eq(1)
 
     def _operand_bits(self) -> Value:
@@ -95,7 +95,7 @@ class RegisterFront(UnitComponent):
 
     def _results(self, m: Module) -> Value:
         """Results to whom they belong. Returns whether one of software comes."""
-        unit, file = self._unit, self._file
+        unit, block = self._unit, self._block
         results = Buffer(unit.o.payload.shape())
         m.submodules.results = ResetInserter(unit.forgetting)(results)
         mine, came = Signal(name="result_is_software_s"), Signal(name="result_came")
@@ -109,26 +109,26 @@ class RegisterFront(UnitComponent):
             Value.cast(results.i.payload).eq(Value.cast(unit.o.payload)),
             unit.o.ready.eq(Mux(mine, results.i.ready, self.o.ready)),
             came.eq(results.i.valid & results.i.ready),
-            file.result_waits.eq(results.o.valid),
-            results.o.ready.eq(file.release),
-            file.result_tag.eq(result.tag[:-1]),
+            block.result_waits.eq(results.o.valid),
+            results.o.ready.eq(block.release),
+            block.result_tag.eq(result.tag[:-1]),
         ]
         bits = Value.cast(result.data)
         for name, offset, width, _ in scalars("result", self.unit.output):
-            m.d.comb += getattr(file, name).eq(bits[offset : offset + width])
+            m.d.comb += getattr(block, name).eq(bits[offset : offset + width])
         return came
 
     def _events(self, m: Module, came: Value) -> None:
         """What has happened, and the interrupt."""
-        file = self._file
-        m.d.comb += getattr(file, f"{RESULT_CAME}_set").eq(came)
+        block = self._block
+        m.d.comb += getattr(block, f"{RESULT_CAME}_set").eq(came)
         for event in self._unit.EVENTS:
             before = Signal(init=1, name=f"{event.name}_before")  # after a reset nothing has happened
             level = Signal(name=f"{event.name}_level")
             m.d.comb += [
                 level.eq(event.level(self._unit)),
-                getattr(file, f"{event.name}_set").eq(level & ~before),
+                getattr(block, f"{event.name}_set").eq(level & ~before),
             ]
             m.d.sync += before.eq(level)
         names = (RESULT_CAME, *(event.name for event in self._unit.EVENTS))
-        m.d.comb += self.irq.eq(any_of(getattr(file, name) & getattr(file, f"{name}_enable") for name in names))
+        m.d.comb += self.irq.eq(any_of(getattr(block, name) & getattr(block, f"{name}_enable") for name in names))

@@ -11,7 +11,7 @@ WORD_BITS = (LANES - 1).bit_length()
 """Of a byte address, the lowest ones, which are not looked at."""
 
 
-class RegisterFile(wiring.Component):
+class RegisterBlock(wiring.Component):
     """Ports: `s_axi`, and by the names of the fields what they are (what they read as, of read-only ones an input);
     `<name>_set` sets an event. A strobe is high in the cycle after its write is done, when all else that was written
     with it holds already.

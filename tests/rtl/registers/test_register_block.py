@@ -1,4 +1,4 @@
-"""The register file against a model, its port's channels stalled at random, while what it reads changes."""
+"""The register block against a model, its port's channels stalled at random, while what it reads changes."""
 
 import random
 from collections import deque
@@ -8,7 +8,7 @@ import pytest
 from amaranth.sim import Simulator
 
 from lightloom.gen.manifest import registers
-from lightloom.rtl.registers.register_file import RegisterFile
+from lightloom.rtl.registers.register_block import RegisterBlock
 from lightloom.verif.drivers.register_model import RegisterModel
 from tests.rtl.registers.toy import toy_table
 
@@ -40,7 +40,7 @@ def accesses(rng: random.Random, size: int) -> list[tuple[int, int, int]]:
 def test_reads_and_writes_at_random(busy: float) -> None:
     seed = 100 + int(10 * busy)
     rng, table = random.Random(seed), toy_table()
-    dut = RegisterFile(table)
+    dut = RegisterBlock(table)
     model = RegisterModel(registers(table))
     wanted = {"b": deque[Any](), "r": deque[Any]()}
     strobes = [one.name for one in table.fields if one.access.value == "w1p"]

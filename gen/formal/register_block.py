@@ -1,4 +1,4 @@
-"""The register file behind AXI4-Lite: every access is answered once, and does to the fields what it should."""
+"""The register block behind AXI4-Lite: every access is answered once, and does to the fields what it should."""
 
 from dataclasses import dataclass, field
 
@@ -7,7 +7,7 @@ from amaranth import Cat, Const, Mux, Signal, Value
 from lightloom.gen.formal.bench import Bench
 from lightloom.gen.formal.properties import Induction, Property
 from lightloom.gen.formal.streams import held
-from lightloom.rtl.registers.register_file import RegisterFile
+from lightloom.rtl.registers.register_block import RegisterBlock
 from lightloom.rtl.registers.table import Access, Field, table_of
 
 FIELDS = (
@@ -52,7 +52,7 @@ class _Waiting:
 
 def protocol() -> Bench:
     """The rules of AXI4-Lite, by the handshakes alone: how many of each there were."""
-    dut = RegisterFile(table_of(FIELDS))
+    dut = RegisterBlock(table_of(FIELDS))
     bench = Bench(dut)
     port = dut.s_axi
     held(bench, "b", port.bvalid, port.bready, port.bresp)
@@ -86,7 +86,7 @@ def _parts(answer: str) -> tuple[str, ...]:
 
 def contents() -> Bench:
     """What accesses do, against a model of the registers a bit at a time."""
-    dut = RegisterFile(table_of(FIELDS))
+    dut = RegisterBlock(table_of(FIELDS))
     bench = Bench(dut)
     m, port = bench.m, dut.s_axi
     aw, w, ar = (
@@ -113,7 +113,7 @@ def contents() -> Bench:
     return bench
 
 
-def _written(bench: Bench, dut: RegisterFile, writes: Value, address: Value, word: Value) -> None:
+def _written(bench: Bench, dut: RegisterBlock, writes: Value, address: Value, word: Value) -> None:
     """What a write leaves in each bit, and its answer."""
     m, port = bench.m, dut.s_axi
     data, strobes = word[:32], word[32:]
@@ -148,7 +148,7 @@ def _written(bench: Bench, dut: RegisterFile, writes: Value, address: Value, wor
     bench.reach("set_while_cleared", writes & dut.over & dut.over_set & data[0] & strobes[0] & (address[2:] == 2))
 
 
-def _read(bench: Bench, dut: RegisterFile, reads: Value, address: Value) -> None:
+def _read(bench: Bench, dut: RegisterBlock, reads: Value, address: Value) -> None:
     """What is read: the fields of that cycle, of an upper half those of the lower half's cycle."""
     m, port = bench.m, dut.s_axi
     word, found = Signal(32, name="word"), Signal(name="is_found")
@@ -188,7 +188,7 @@ def _read(bench: Bench, dut: RegisterFile, reads: Value, address: Value) -> None
 def properties() -> list[Property]:
     return [
         Property(
-            unit="register_file",
+            unit="register_block",
             name="protocol",
             says="every access is answered once, and at once when all of it has come; answers hold",
             method=Induction(depth=1),
@@ -197,7 +197,7 @@ def properties() -> list[Property]:
             quick=True,
         ),
         Property(
-            unit="register_file",
+            unit="register_block",
             name="contents",
             says="what is written, by its strobes, is what is read; events, holds, refusals; counters whole",
             method=Induction(depth=1),
