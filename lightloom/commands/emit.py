@@ -66,6 +66,7 @@ emit.__doc__ = "\n".join(
         "  lightloom emit",
         "  lightloom emit ray_triangle ray_setup --preset full --out verilog",
         "  lightloom emit traversal --preset tiny --prefix tiny_ --out build/tiny",
+        "  lightloom emit traversal --bus axi4-lite",
         "  lightloom emit --list",
     ]
 )

@@ -61,7 +61,7 @@ package.__doc__ = "\n".join(
         "  rtl/UNIT.v  rtl/UNIT.json           Verilog-2001 and its manifest",
         "  lightloom.f   lightloom.core        file list, FuseSoC",
         "  sdc/  flow/librelane/  flow/openroad/   ipxact/",
-        "  registers/  include/                register view of control ports, C header of formats",
+        "  registers/  include/                with --bus: SystemRDL, C header, IP-XACT, page; C header of formats",
         "  testbench/                          self-checking, vectors of the golden model",
         "",
         "`make check` in DIR needs sha256sum and Icarus Verilog, no Python. The same options give the same bytes.",
@@ -74,5 +74,6 @@ package.__doc__ = "\n".join(
         "Examples:",
         "  lightloom package --out package",
         "  lightloom package traversal --preset full --clock 4 --out package",
+        "  lightloom package traversal --bus axi4-lite --out package",
     ]
 )
