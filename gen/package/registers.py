@@ -1,62 +1,58 @@
-"""The control and status ports of a unit, laid out as registers that a block in front of it would have."""
+"""The registers of a unit for software and other tools: SystemRDL, and what PeakRDL's exporters make of it."""
 
+import tempfile
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
-WORD = 4
-"""Bytes of a register of up to 32 bits."""
+from lightloom.gen.package.files import render
+from lightloom.golden_model.host.errors import InputError
+
+PROPERTIES = {
+    "rw": "sw = rw; hw = r;",
+    "ro": "sw = r; hw = w;",
+    "w1c": "sw = rw; hw = r; onwrite = woclr; hwset;",
+    "w1p": "sw = w; hw = r; singlepulse;",
+}
+"""SystemRDL of what may be done with a field."""
 
 
-def registers(ports: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The register map of a unit from the ports of its manifest; empty for a unit without control ports.
+def system_rdl(unit: Mapping[str, Any]) -> str:
+    """SystemRDL 2.0 of a unit with registers, from its manifest."""
+    return render("package_registers.rdl", **unit, properties=PROPERTIES)
 
-    Strobes share one register, narrow status another; every other port has one of its own, 64 bits wide where it has
-    more than 32. A register is name, meaning, offset in bytes, width, fields; a field is name, meaning, kind ("strobe",
-    "control" or "status"), lowest bit, width, names of values.
+
+def register_files(unit: Mapping[str, Any], version: str) -> dict[str, bytes]:
+    """The files of a unit's registers, by their names, those of the page with its folder; {} for a unit without any.
+
+    Raises InputError where PeakRDL is missing.
     """
-    strobes, controls, read = (
-        [port for port in ports if port["role"] in roles]
-        for roles in (("strobe",), ("control",), ("status", "counter"))
-    )
-    status = [port for port in read if port["width"] <= 8]
-    wide = [port for port in read if port["width"] > 8]
-    out: list[dict[str, Any]] = []
-    if strobes:
-        out.append(_register(out, "control", "What happens once when a bit is written as 1", strobes, "strobe"))
-    if status:
-        out.append(_register(out, "status", "What the unit says of itself", status, "status"))
-    for port in controls:
-        out.append(_register(out, port["name"], port["meaning"], [port], "control"))
-    for port in wide:
-        out.append(_register(out, port["name"], port["meaning"], [port], "status"))
-    return out
-
-
-def size(found: list[dict[str, Any]]) -> int:
-    """Bytes that a register map takes."""
-    return found[-1]["offset"] + found[-1]["width"] // 8 if found else 0
-
-
-def _register(
-    before: list[dict[str, Any]], name: str, meaning: str, ports: list[dict[str, Any]], kind: str
-) -> dict[str, Any]:
-    fields: list[dict[str, Any]] = []
-    for port in ports:
-        low = sum(field["width"] for field in fields)
-        fields.append(
-            {
-                "name": port["name"],
-                "meaning": port["meaning"].replace('"', "'"),
-                "kind": kind,
-                "low": low,
-                "width": port["width"],
-                "values": port.get("values", {}),
-            }
+    if "registers" not in unit:
+        return {}
+    module, text = unit["module"], system_rdl(unit)
+    html, c_header, ipxact = (_exporter(name).exporter for name in ("html", "cheader", "ipxact"))
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        (folder / f"{module}.rdl").write_text(text, encoding="utf-8")
+        compiler = import_module("systemrdl").RDLCompiler()
+        compiler.compile_file(str(folder / f"{module}.rdl"))
+        top = compiler.elaborate().top
+        # It puts the time of day into the addresses of files, so that browsers read them again; here nothing may.
+        html.HTMLExporter(user_context={"build_ts": 0}).export(top, str(folder / f"{module}_html"))
+        standard = import_module("peakrdl_cheader.c_standards").CStandard.gnu11
+        c_header.CHeaderExporter().export(top, path=str(folder / f"{module}.h"), std=standard)
+        ipxact.IPXACTExporter(vendor="lightloom", library="registers", version=version).export(
+            top, str(folder / f"{module}.xml")
         )
-    bits = sum(field["width"] for field in fields)
-    if bits > 64:
-        raise ValueError(
-            f"register {name}: {bits} bits of {', '.join(port['name'] for port in ports)} are more than 64"
-        )
-    width = 32 if bits <= 32 else 64
-    offset = -(-size(before) // (width // 8)) * (width // 8)
-    return {"name": name, "meaning": meaning, "offset": offset, "width": width, "fields": fields}
+        paths = sorted(path for path in folder.rglob("*") if path.is_file())
+        return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
+
+
+def _exporter(name: str) -> Any:
+    """A package of PeakRDL."""
+    try:
+        import_module(f"peakrdl_{name}.exporter")
+        return import_module(f"peakrdl_{name}")
+    except ImportError as error:
+        raise InputError(f"peakrdl-{name}: not found; install it with: pip install 'lightloom[registers]'") from error

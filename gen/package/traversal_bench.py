@@ -1,6 +1,7 @@
 """Testbench of the traversal unit: as `stream_bench`, with a scene, a memory and results in any order."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,9 +19,26 @@ TRIANGLES, RAYS = 100, 96
 """Of the scene."""
 
 
-def traversal_bench(unit: Mapping[str, Any], config: Config) -> dict[str, bytes]:
-    """Testbench, vectors and memory image of a traversal unit: file name to content."""
-    module, rng = unit["module"], np.random.default_rng(SEED)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """Rays through a tree in a memory image, and what the golden model says of them."""
+
+    queries: np.ndarray
+    results: np.ndarray
+    counts: np.ndarray
+    image: bytes
+    base: int
+    """Byte address of the tree in the image."""
+
+    @property
+    def memory_bits(self) -> int:
+        """The memory has 2**memory_bits bytes, at least."""
+        return max(len(self.image) - 1, 1 << 12).bit_length()
+
+
+def scene(config: Config) -> Scene:
+    """That of the testbenches of a traversal unit."""
+    rng = np.random.default_rng(SEED)
     triangles = _soup(rng)
     tree = build_wide(triangles, width=config.tree.width, max_levels=config.traversal.stack).blocks
     queries = queries_of(
@@ -32,20 +50,30 @@ def traversal_bench(unit: Mapping[str, Any], config: Config) -> dict[str, bytes]
     results, counts = trace_tree(tree, queries, width=config.tree.width, stack=config.traversal.stack, backend="numpy")
     image = pack_image({"bvh": tree})
     first = int(np.frombuffer(image, dtype=SECTION, count=1, offset=BLOCK_BYTES)["first"][0])
+    return Scene(queries=queries, results=results, counts=counts, image=image, base=first * BLOCK_BYTES)
+
+
+def traversal_bench(unit: Mapping[str, Any], config: Config) -> dict[str, bytes]:
+    """Testbench, vectors and memory image of a traversal unit: file name to content."""
+    module, traced = unit["module"], scene(config)
     ports = {port["name"]: port["width"] for port in unit["ports"]}
     bench = render(
         "package_traversal_testbench.v",
-        **shared(unit, queries, results),
+        **shared(unit, traced.queries, traced.results),
         widths=ports,
         counters=[port["name"].removeprefix("count_") for port in unit["ports"] if port["role"] == "counter"],
         axi=[port for port in unit["ports"] if port["name"].startswith("m_axi_")],
-        base=first * BLOCK_BYTES,
-        memory_bits=max(len(image) - 1, 1 << 12).bit_length(),
+        base=traced.base,
+        memory_bits=traced.memory_bits,
         overlap=config.traversal.overlap,
-        golden_counts={count: int(counts[count].sum()) for count in COUNTS.names or ()},
-        errors=int((results["error"] != 0).sum()),
+        golden_counts={count: int(traced.counts[count].sum()) for count in COUNTS.names or ()},
+        errors=int((traced.results["error"] != 0).sum()),
     )
-    return {f"{module}_tb.v": bench.encode(), f"{module}.hex": vectors(queries, results), f"{module}.bin": image}
+    return {
+        f"{module}_tb.v": bench.encode(),
+        f"{module}.hex": vectors(traced.queries, traced.results),
+        f"{module}.bin": traced.image,
+    }
 
 
 def _soup(rng: np.random.Generator) -> np.ndarray:

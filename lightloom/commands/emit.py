@@ -7,7 +7,7 @@ import typer
 
 from lightloom.rtl.config import PRESET_SUMMARIES, PRESETS
 from lightloom.shared.inputs import choose
-from lightloom.shared.options import Json
+from lightloom.shared.options import Bus, Json
 
 
 def emit(
@@ -25,19 +25,21 @@ def emit(
     prefix: Annotated[
         str, typer.Option("--prefix", metavar="NAME_", help="What the names of all modules begin with.")
     ] = "",
+    bus: Bus = "",
     json: Json = False,
 ) -> None:
     from lightloom.hardware.describe import emit_units, unit_row
-    from lightloom.rtl.catalogue import CATALOGUE
+    from lightloom.rtl.catalogue import BUSES, CATALOGUE
     from lightloom.shared.console import Progress, print_json, print_table
 
     choose(preset, PRESETS, "preset")
+    bus = choose(bus, BUSES, "bus") if bus else ""
     names = [choose(name, CATALOGUE, "unit") for name in dict.fromkeys(units or CATALOGUE)]
     if list_units:
         rows = [unit_row(name, preset) for name in names]
     else:
         with Progress() as progress, progress.stage("Verilog", len(names)) as advance:
-            rows = emit_units(names, preset, out, advance, prefix)
+            rows = emit_units(names, preset, out, advance, prefix, bus)
     if json:
         print_json({"preset": preset, "out": None if list_units else str(out), "units": rows})
         return
@@ -64,6 +66,7 @@ emit.__doc__ = "\n".join(
         "  lightloom emit",
         "  lightloom emit ray_triangle ray_setup --preset full --out verilog",
         "  lightloom emit traversal --preset tiny --prefix tiny_ --out build/tiny",
+        "  lightloom emit traversal --bus axi4-lite",
         "  lightloom emit --list",
     ]
 )

@@ -7,7 +7,7 @@ import typer
 
 from lightloom.rtl.config import PRESET_SUMMARIES, PRESETS
 from lightloom.shared.inputs import choose
-from lightloom.shared.options import Json
+from lightloom.shared.options import Bus, Json
 
 
 def package(
@@ -30,16 +30,18 @@ def package(
     prefix: Annotated[
         str, typer.Option("--prefix", metavar="NAME_", help="What the names of all modules begin with.")
     ] = "",
+    bus: Bus = "",
     json: Json = False,
 ) -> None:
     from lightloom.hardware.package_inputs import package_units
-    from lightloom.rtl.catalogue import CATALOGUE
+    from lightloom.rtl.catalogue import BUSES, CATALOGUE
     from lightloom.shared.console import Progress, print_json, print_table
 
     choose(preset, PRESETS, "preset")
+    bus = choose(bus, BUSES, "bus") if bus else ""
     names = [choose(name, CATALOGUE, "unit") for name in dict.fromkeys(units or CATALOGUE)]
     with Progress() as progress, progress.stage("Package", len(names)) as advance:
-        described = package_units(names, preset, clock, out, advance, prefix)
+        described = package_units(names, preset, clock, out, advance, prefix, bus)
     if json:
         print_json({"out": str(out), **described})
         return
@@ -59,7 +61,7 @@ package.__doc__ = "\n".join(
         "  rtl/UNIT.v  rtl/UNIT.json           Verilog-2001 and its manifest",
         "  lightloom.f   lightloom.core        file list, FuseSoC",
         "  sdc/  flow/librelane/  flow/openroad/   ipxact/",
-        "  registers/  include/                register view of control ports, C header of formats",
+        "  registers/  include/                with --bus: SystemRDL, C header, IP-XACT, page; C header of formats",
         "  testbench/                          self-checking, vectors of the golden model",
         "",
         "`make check` in DIR needs sha256sum and Icarus Verilog, no Python. The same options give the same bytes.",
@@ -72,5 +74,6 @@ package.__doc__ = "\n".join(
         "Examples:",
         "  lightloom package --out package",
         "  lightloom package traversal --preset full --clock 4 --out package",
+        "  lightloom package traversal --bus axi4-lite --out package",
     ]
 )

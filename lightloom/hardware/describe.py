@@ -32,9 +32,10 @@ def emit_units(
     out: Path,
     advance: Callable[[float], None] = lambda steps: None,
     prefix: str = "",
+    bus: str = "",
 ) -> list[dict[str, Any]]:
     """Writes Verilog and manifests of units into `out`, whole or not at all; returns the units' rows."""
     from lightloom.gen.emit import emit
 
-    emit(units, PRESETS[preset], preset, out, prefix=prefix, progress=lambda unit: advance(1))
+    emit(units, PRESETS[preset], preset, out, prefix=prefix, bus=bus, progress=lambda unit: advance(1))
     return [unit_row(unit, preset) for unit in units]

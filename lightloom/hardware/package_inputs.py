@@ -22,6 +22,7 @@ def package_units(
     out: Path,
     advance: Callable[[float], None] = lambda steps: None,
     prefix: str = "",
+    bus: str = "",
 ) -> dict[str, Any]:
     """Writes the package of units into `out`, whole or not at all; returns its manifest."""
     import lightloom.sim
@@ -35,6 +36,7 @@ def package_units(
         CLOCKS[preset] if clock is None else clock,
         out,
         prefix=prefix,
+        bus=bus,
         operands=lambda unit: unit_vectors(unit, FEW if unit.startswith(LARGE) else MANY, SEED),
         memory_model=Path(lightloom.sim.__file__).parent / "axi_memory.v",
         progress=lambda unit: advance(0.5),

@@ -16,6 +16,10 @@ Scene = Annotated[
         show_default=False,
     ),
 ]
+Bus = Annotated[
+    str,
+    typer.Option("--bus", metavar="BUS", help="Put units behind registers: axi4-lite.", show_default=False),
+]
 Json = Annotated[bool, typer.Option("--json", help="Print JSON on stdout instead of a table.")]
 Seed = Annotated[
     int, typer.Option("--seed", metavar="N", help="Seed of everything random; the same seed, the same bits.")

@@ -1,10 +1,12 @@
 """What every unit of the catalogue is: a component with a stream of operands, a stream of results, and other ports."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
+from typing import Any, ClassVar
 
+from amaranth import Const, Value
 from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
@@ -26,16 +28,21 @@ STREAM_PORTS = {
 
 
 class Role(Enum):
-    """What software does with a port that is not one of a stream or of the memory."""
+    """What software does with a port that is not one of a stream, of the memory or of a bus.
+
+    A port's meaning goes on from the words in brackets; with them it is a sentence.
+    """
 
     CONTROL = "control"
-    """It sets it."""
+    """It sets it ("Sets the ...")."""
     STROBE = "strobe"
-    """It makes it high for one cycle."""
+    """It makes it high for one cycle ("Writing 1 ...")."""
     STATUS = "status"
-    """It reads it."""
+    """It reads it ("Is 1 while ..." of one bit, "Says ..." of more)."""
     COUNTER = "counter"
-    """It reads how often something has happened."""
+    """It reads how often something has happened ("Counts ...")."""
+    INTERRUPT = "interrupt"
+    """It is called by it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +56,8 @@ class Port:
     """Names of its values, where they have names."""
     tie: int | None = None
     """What an input may be tied to where nothing drives it; None: something has to."""
+    reset: int = 0
+    """Of a control behind registers: what it is until software sets it."""
 
     @property
     def member(self) -> wiring.Member:
@@ -61,12 +70,25 @@ def counter_ports(counters: Iterable[Counter]) -> dict[str, Port]:
     return {f"count_{one.name}": Port(width=COUNTER_BITS, role=Role.COUNTER, meaning=one.meaning) for one in counters}
 
 
+@dataclass(frozen=True)
+class Event:
+    """What software may be told of by an interrupt: its name, and what has happened when a level of the unit rises."""
+
+    name: str
+    meaning: str
+    level: Callable[[Any], Value]
+
+
 class UnitComponent(wiring.Component):
     """The hardware of a unit.
 
-    Ports: `i` and `o`, streams of the unit's payloads with a tag; where there is a memory port, `m_axi`; and `ports`.
-    Inside another unit it is a module of its own, written once however many there are of it.
+    Ports: `i` and `o`, streams of the unit's payloads with a tag; where there is a memory port, `m_axi`; where it is
+    behind a bus, `s_axi`; and `ports`. Inside another unit it is a module of its own, written once however many there
+    are of it.
     """
+
+    EVENTS: ClassVar[tuple[Event, ...]] = ()
+    """Of its ports."""
 
     latency: int | None = None
     """Cycles from operands to their result, where nothing stalls; None where they depend on more than the unit."""
@@ -79,6 +101,7 @@ class UnitComponent(wiring.Component):
         tag_width: int,
         *,
         memory: wiring.Signature | None = None,
+        bus: wiring.Signature | None = None,
         ports: Mapping[str, Port] = MappingProxyType({}),
         float_width: int = 32,
     ):
@@ -90,6 +113,12 @@ class UnitComponent(wiring.Component):
                 "i": In(stream.Signature(packet_of(unit.input, tag_width, float_width))),
                 "o": Out(stream.Signature(packet_of(unit.output, tag_width, float_width))),
                 **({} if memory is None else {"m_axi": Out(memory)}),
+                **({} if bus is None else {"s_axi": In(bus)}),
                 **{name: port.member for name, port in ports.items()},
             }
         )
+
+    @property
+    def forgetting(self) -> Value:
+        """Whether operations that are under way are being dropped."""
+        return Const(0)

@@ -12,7 +12,7 @@ from lightloom.rtl.fabric.one_hot import any_of, next_of
 from lightloom.rtl.fabric.queues import Buffer
 from lightloom.rtl.fabric.unit import Role, UnitComponent
 from lightloom.rtl.memory.axi_read_arbiter import AxiReadArbiter
-from lightloom.rtl.traversal.unit import COUNTERS, Traversal
+from lightloom.rtl.traversal.unit import COUNTERS, EVENTS, Traversal
 
 
 def traversal(config: Config) -> UnitComponent:
@@ -28,6 +28,8 @@ class TraversalArray(UnitComponent):
     that of the first unit that has one. The counters are the sums of the units', a cycle later: `count_cycles` counts
     the cycles of each. `aborting` is high until all units have come to the end of their reads.
     """
+
+    EVENTS = EVENTS
 
     def __init__(self, config: Config):
         if config.traversal.units < 2:
@@ -47,6 +49,10 @@ class TraversalArray(UnitComponent):
             for name, port in unit.ports.items()
         }
         super().__init__(unit.unit, config.streams.tag_width, memory=self._arbiter.m_axi.signature, ports=ports)
+
+    @property
+    def forgetting(self) -> Value:
+        return self.aborting
 
     def elaborate(self, platform: object) -> Module:
         m = Module()

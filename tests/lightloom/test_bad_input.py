@@ -161,6 +161,7 @@ def test_render_options(cli: Run, tmp_path: Path, room: Path, options: list[str]
         (["emit", "zzz", "--list"], ["zzz", "ray_triangle"]),
         (["package", "rey_triangle"], ["rey_triangle", "ray_triangle"]),
         (["package", "float_add", "--preset", "bas"], ["bas", "base"]),
+        (["package", "float_add", "--bus", "apb"], ["bus 'apb'", "axi4-lite"]),
         (["package", "float_add", "--clock", "0"], ["--clock 0", "0.01 to 10000"]),
         (["layout", "flot_add", "--pdk-root", "."], ["flot_add", "float_add"]),
         (["bench", "traceing"], ["traceing", "tracing"]),

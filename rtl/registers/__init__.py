@@ -1,0 +1,1 @@
+"""Registers: what software reads and writes of a unit, and the hardware that answers it."""

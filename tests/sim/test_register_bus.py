@@ -1,0 +1,96 @@
+"""A program in C traces rays through the traversal unit's registers, on Verilator: the golden results, in all bits."""
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lightloom.gen.manifest import manifest
+from lightloom.gen.package.files import render
+from lightloom.gen.package.formats import context
+from lightloom.gen.package.registers import register_files
+from lightloom.gen.package.traversal_bench import Scene, scene
+from lightloom.golden_model.contract import bitpack
+from lightloom.golden_model.contract.formats import LOAD_ERRORS, RAY_RESULT
+from lightloom.sim.register_bus import MODULE, compiled
+from lightloom.sim.run_traversal_bench import SMALL
+from tests import ROOT
+
+PROGRAM = ROOT / "examples" / "registers" / "trace.c"
+ABORTS = Path(__file__).with_name("aborts.c")
+
+needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler: apt install gcc")
+
+
+@pytest.fixture(scope="module")
+def headers(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """PeakRDL's header of the registers, and ours of the formats, as packages have them."""
+    folder = tmp_path_factory.mktemp("include")
+    described = manifest("traversal", SMALL, bus="axi4-lite")
+    (folder / f"{MODULE}.h").write_bytes(register_files(described, "0.1")[f"{MODULE}.h"])
+    (folder / "lightloom_formats.h").write_text(render("package_formats.h", **context()))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def traced() -> Scene:
+    return scene(SMALL)
+
+
+def run(program: Path, traced: Scene, folder: Path, *, base: int, seed: int) -> subprocess.CompletedProcess[str]:
+    """Runs the compiled program on the scene's rays; its results are in `folder`."""
+    (folder / "image.bin").write_bytes(traced.image)
+    bitpack.pack(traced.queries).tofile(folder / "queries.bin")
+    arguments = ["image.bin", str(base), "queries.bin", "results.bin", str(len(traced.queries)), str(seed)]
+    return subprocess.run([program, *arguments], cwd=folder, capture_output=True, text=True)
+
+
+@needs_gcc
+@pytest.mark.parametrize("seed", [0, 4711])
+def test_rays_through_registers_only(headers: Path, traced: Scene, tmp_path: Path, seed: int) -> None:
+    program = compiled(PROGRAM, SMALL, includes=[headers])
+    done = run(program, traced, tmp_path, base=traced.base, seed=seed)
+    assert done.returncode == 0, f"seed {seed}: {done.stderr}"
+    packed = np.fromfile(tmp_path / "results.bin", dtype=np.uint32).reshape(-1, bitpack.words(RAY_RESULT))
+    results = bitpack.unpack(packed, RAY_RESULT)
+    wrong = np.flatnonzero(~bitpack.equal(results, traced.results))
+    assert len(results) == len(traced.queries) > 50
+    assert not len(wrong), (
+        f"seed {seed}: ray {wrong[0]}, {traced.queries[wrong[0]]}: {results[wrong[0]]}, not {traced.results[wrong[0]]}"
+    )
+    assert 0 < (traced.results["primitive"] >= 0).sum() < len(results)  # hits and misses
+    figures = dict(line.split() for line in done.stdout.splitlines())
+    assert int(figures["rays"]) == len(results)
+    assert int(figures["beats"]) > 0
+
+
+@needs_gcc
+def test_a_tree_that_is_none_is_refused(headers: Path, traced: Scene, tmp_path: Path) -> None:
+    program = compiled(PROGRAM, SMALL, includes=[headers])
+    done = run(program, traced, tmp_path, base=traced.base + 4, seed=1)
+    assert done.returncode == 1
+    assert done.stderr == f"no tree: load_error {LOAD_ERRORS['base']}\n"
+
+
+@needs_gcc
+@pytest.mark.parametrize("seed", [0, 31])
+def test_an_abort_forgets_what_waits_in_registers(headers: Path, traced: Scene, tmp_path: Path, seed: int) -> None:
+    program = compiled(ABORTS, SMALL, includes=[headers])
+    (tmp_path / "image.bin").write_bytes(traced.image)
+    bitpack.pack(traced.queries).tofile(tmp_path / "queries.bin")
+    arguments = ["image.bin", str(traced.base), "queries.bin", str(len(traced.queries)), str(seed)]
+    done = subprocess.run([program, *arguments], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, f"seed {seed}: {done.stderr}"
+    first = traced.results[:1]
+    wanted = [int(first[name].view(np.uint32)[0]) for name in ("primitive", "t")]
+    assert [int(word, 16) for word in done.stdout.split()] == wanted
+
+
+@needs_gcc
+def test_warnings_are_errors(headers: Path, tmp_path: Path) -> None:
+    (tmp_path / "program.c").write_text(PROGRAM.read_text().replace("size_t count;", "size_t count; int unused;", 1))
+    with pytest.raises(subprocess.CalledProcessError) as failed:
+        compiled(tmp_path / "program.c", SMALL, includes=[headers])
+    assert "unused" in failed.value.stderr
