@@ -1,4 +1,4 @@
-"""A program in C with the traversal unit's registers: compiled, and linked with the Verilated system."""
+"""A program in C with the registers of a unit that has a memory: compiled, and linked with the Verilated system."""
 
 import subprocess
 import tempfile
@@ -8,7 +8,7 @@ from pathlib import Path
 from lightloom.gen.watched import axi_of, checker, ports_of
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.axi_rules import AXI_RULES
-from lightloom.golden_model.contract.formats import RAY_QUERY, RAY_RESULT
+from lightloom.golden_model.contract.interfaces import UNITS
 from lightloom.rtl.config import Config
 from lightloom.sim import verilated
 from lightloom.sim.emitted import emitted
@@ -16,22 +16,27 @@ from lightloom.sim.emitted import emitted
 HERE = Path(__file__).parent
 TOP, HARNESS, MEMORY = (HERE / name for name in ("register_bus.v", "register_bus.cpp", "axi_memory.v"))
 WARNINGS = ("-Wall", "-Wextra", "-Werror")
-MODULE = "traversal_axi4_lite"
 
 
 def compiled(
-    program: Path, config: Config, *, includes: Sequence[Path], memory_bits: int = 20, verilog: str | None = None
+    program: Path,
+    unit: str,
+    config: Config,
+    *,
+    includes: Sequence[Path],
+    memory_bits: int = 20,
+    verilog: str | None = None,
 ) -> Path:
-    """The binary of a program in C that uses `register_bus.h`, with a traversal unit of a configuration behind it.
+    """The binary of a program in C that uses `register_bus.h`, with a unit of a configuration behind it.
 
     `includes` are folders of the program's other headers; the memory has 2**memory_bits bytes; `verilog` replaces the
     unit's text. No warning is let pass. Raises CalledProcessError where the program does not compile.
     """
-    text = emitted("traversal", config, bus="axi4-lite") if verilog is None else verilog
-    ports = ports_of(text, MODULE)
+    text = emitted(unit, config, bus="axi4-lite") if verilog is None else verilog
+    ports = ports_of(text, f"{unit}_axi4_lite")
     defines = {
-        "QUERY_BITS": bitpack.width(RAY_QUERY),
-        "RESULT_BITS": bitpack.width(RAY_RESULT),
+        "QUERY_BITS": bitpack.width(UNITS[unit].input),
+        "RESULT_BITS": bitpack.width(UNITS[unit].output),
         "TAG_BITS": config.streams.tag_width,
         "BUS_ADDRESS_BITS": ports["s_axi_awaddr"].width,
         "ADDRESS_BITS": ports["m_axi_araddr"].width,

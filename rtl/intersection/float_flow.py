@@ -57,7 +57,7 @@ class FloatFlow:
 
     def dot(self, name: str, a: Sequence[Node], b: Sequence[Node | int]) -> Node:
         """(x + y) + z of the products."""
-        x, y, z = (self.multiply(f"{name}_{axis}", *pair) for axis, *pair in zip("xyz", a, b, strict=True))
+        x, y, z = (self.multiply(f"{name}_{axis}", p, q) for axis, p, q in zip("xyz", a, b, strict=True))
         return self.add(f"{name}_xyz", self.add(f"{name}_xy", x, y), z)
 
     def divide(self, name: str, a: Node | int, b: Node) -> Node:

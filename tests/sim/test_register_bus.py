@@ -14,7 +14,7 @@ from lightloom.gen.package.registers import register_files
 from lightloom.gen.package.traversal_bench import Scene, scene
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import LOAD_ERRORS, RAY_RESULT
-from lightloom.sim.register_bus import MODULE, compiled
+from lightloom.sim.register_bus import compiled
 from lightloom.sim.run_traversal_bench import SMALL
 from tests import ROOT
 
@@ -29,7 +29,8 @@ def headers(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """PeakRDL's header of the registers, and ours of the formats, as packages have them."""
     folder = tmp_path_factory.mktemp("include")
     described = manifest("traversal", SMALL, bus="axi4-lite")
-    (folder / f"{MODULE}.h").write_bytes(register_files(described, "0.1")[f"{MODULE}.h"])
+    name = f"{described['module']}.h"
+    (folder / name).write_bytes(register_files(described, "0.1")[name])
     (folder / "lightloom_formats.h").write_text(render("package_formats.h", **context()))
     return folder
 
@@ -50,7 +51,7 @@ def run(program: Path, traced: Scene, folder: Path, *, base: int, seed: int) -> 
 @needs_gcc
 @pytest.mark.parametrize("seed", [0, 4711])
 def test_rays_through_registers_only(headers: Path, traced: Scene, tmp_path: Path, seed: int) -> None:
-    program = compiled(PROGRAM, SMALL, includes=[headers])
+    program = compiled(PROGRAM, "traversal", SMALL, includes=[headers])
     done = run(program, traced, tmp_path, base=traced.base, seed=seed)
     assert done.returncode == 0, f"seed {seed}: {done.stderr}"
     packed = np.fromfile(tmp_path / "results.bin", dtype=np.uint32).reshape(-1, bitpack.words(RAY_RESULT))
@@ -68,7 +69,7 @@ def test_rays_through_registers_only(headers: Path, traced: Scene, tmp_path: Pat
 
 @needs_gcc
 def test_a_tree_that_is_none_is_refused(headers: Path, traced: Scene, tmp_path: Path) -> None:
-    program = compiled(PROGRAM, SMALL, includes=[headers])
+    program = compiled(PROGRAM, "traversal", SMALL, includes=[headers])
     done = run(program, traced, tmp_path, base=traced.base + 4, seed=1)
     assert done.returncode == 1
     assert done.stderr == f"no tree: load_error {LOAD_ERRORS['base']}\n"
@@ -77,7 +78,7 @@ def test_a_tree_that_is_none_is_refused(headers: Path, traced: Scene, tmp_path: 
 @needs_gcc
 @pytest.mark.parametrize("seed", [0, 31])
 def test_an_abort_forgets_what_waits_in_registers(headers: Path, traced: Scene, tmp_path: Path, seed: int) -> None:
-    program = compiled(ABORTS, SMALL, includes=[headers])
+    program = compiled(ABORTS, "traversal", SMALL, includes=[headers])
     (tmp_path / "image.bin").write_bytes(traced.image)
     bitpack.pack(traced.queries).tofile(tmp_path / "queries.bin")
     arguments = ["image.bin", str(traced.base), "queries.bin", str(len(traced.queries)), str(seed)]
@@ -92,5 +93,5 @@ def test_an_abort_forgets_what_waits_in_registers(headers: Path, traced: Scene, 
 def test_warnings_are_errors(headers: Path, tmp_path: Path) -> None:
     (tmp_path / "program.c").write_text(PROGRAM.read_text().replace("size_t count;", "size_t count; int unused;", 1))
     with pytest.raises(subprocess.CalledProcessError) as failed:
-        compiled(tmp_path / "program.c", SMALL, includes=[headers])
+        compiled(tmp_path / "program.c", "traversal", SMALL, includes=[headers])
     assert "unused" in failed.value.stderr

@@ -4,9 +4,6 @@ The master is cocotbext-axi's, which pauses each of its channels as told. What i
 computes, and what the model of the registers says (`verif.drivers.register_model`); the streams are used too.
 """
 
-import json
-import os
-import random
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,9 +15,10 @@ from cocotbext.axi import AxiLiteBus, AxiLiteMaster
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.golden_model.models import model_results
+from lightloom.verif.benches.bench import Bench
 from lightloom.verif.benches.test_stream_unit import payloads
 from lightloom.verif.drivers.register_model import OKAY, SLVERR, RegisterModel
-from lightloom.verif.drivers.stream import StreamDriver, pattern
+from lightloom.verif.drivers.stream import pattern
 
 MANNERS = ["always", "half", "rare", "bursts"]
 """How willing the master's channels are, and the streams."""
@@ -30,30 +28,26 @@ PATIENCE = 400
 """Reads of the status in which a result has to come."""
 
 
-class Bench:
+class RegisterBench(Bench):
     """The unit with the master at its registers and a driver at its streams."""
 
     def __init__(self, dut: Any) -> None:
-        run = json.loads(os.environ["LIGHTLOOM_BENCH"])
-        self.dut, self.seed = dut, run["seed"]
+        super().__init__(dut)
+        run = self.run
         self.unit = PURE[run["unit"]]
         self.config: dict[str, int] = run["config"]
         self.tag_width: int = run["tag_width"]
         self.registers: list[dict[str, Any]] = run["registers"]
         self.operands = bitpack.unpack(np.load(run["operands"]), self.unit.input)
-        self.rng = random.Random(self.seed)
-        self.streams = StreamDriver(dut)
         self.places = {field["name"]: (one, field) for one in self.registers for field in one["fields"]}
-        cocotb.log.info("%s behind registers, seed %d", self.unit.name, self.seed)
 
-    async def start(self, willing: str) -> None:
+    async def begin(self, willing: str) -> None:
         dut = self.dut
-        dut.s_axi_awprot.value = dut.s_axi_arprot.value = 0
         self.master = AxiLiteMaster(AxiLiteBus.from_prefix(dut, "s_axi"), dut.clk, dut.rst)
         write, read = self.master.write_if, self.master.read_if
         for channel in (write.aw_channel, write.w_channel, write.b_channel, read.ar_channel, read.r_channel):
             channel.set_pause_generator(self._pauses(willing))
-        await self.streams.start()
+        await self.start({"s_axi_awprot": 0, "s_axi_arprot": 0})
 
     def _pauses(self, willing: str) -> Iterator[bool]:
         return (not one for one in pattern(willing, self.rng))
@@ -76,7 +70,7 @@ class Bench:
         for offset, word in words.items():
             assert await self.write(offset, word.to_bytes(4, "little")) == OKAY, f"seed {self.seed}: {values}"
 
-    async def get(self, name: str) -> int:
+    async def field(self, name: str) -> int:
         register, field = self.places[name]
         word, answer = await self.read(register["offset"])
         assert answer == OKAY
@@ -84,7 +78,7 @@ class Bench:
 
     async def await_field(self, name: str, value: int) -> None:
         for _ in range(PATIENCE):
-            if await self.get(name) == value:
+            if await self.field(name) == value:
                 return
         raise AssertionError(f"seed {self.seed}: {name} does not become {value}")
 
@@ -100,8 +94,8 @@ class Bench:
 @cocotb.parametrize(willing=MANNERS)
 async def operations_through_registers(dut: Any, willing: str) -> None:
     """While others go through the streams: each side gets its own results, in order, with their tags."""
-    bench = Bench(dut)
-    await bench.start(willing)
+    bench = RegisterBench(dut)
+    await bench.begin(willing)
     half = len(bench.operands) // 2
     mine, theirs = bench.operands[:half], bench.operands[half:]
     tags = 1 << bench.tag_width
@@ -121,23 +115,23 @@ async def operations_through_registers(dut: Any, willing: str) -> None:
         await bench.put(result_came=1)
         await RisingEdge(dut.clk)
         assert int(dut.irq.value) == 0, f"seed {bench.seed}: the interrupt stays"
-        assert await bench.get("result_tag") == k % tags
+        assert await bench.field("result_tag") == k % tags
         for name, value in bench.split("result", bench.unit.output, wanted[k]).items():
-            seen = await bench.get(name)
+            seen = await bench.field(name)
             assert seen == value, f"seed {bench.seed}: {mine[k]}: {name} {seen:#x}, not {value:#x}"
         await bench.put(release=1)
     received = (await streams).received
     tagged = payloads(golden[half:], np.arange(len(theirs)) % tags)
     assert received == tagged, f"seed {bench.seed}: results of the stream"
-    assert await bench.get("result_waits") == 0
+    assert await bench.field("result_waits") == 0
 
 
 @cocotb.test()
 @cocotb.parametrize(willing=MANNERS)
 async def accesses_at_random(dut: Any, willing: str) -> None:
     """Reads and writes of any words, there or not, and of some of their bytes: as the model has them."""
-    bench = Bench(dut)
-    await bench.start(willing)
+    bench = RegisterBench(dut)
+    await bench.begin(willing)
     model, rng = RegisterModel(bench.registers), bench.rng
     # Whatever is submitted or released would change what is read: that is another test.
     quiet = {bench.places[name][0]["offset"] for name in ("submit", "release")}
