@@ -18,7 +18,8 @@ def align(m: Module, f: FloatFormat, *, a: Value, fraction: Value) -> dict[str, 
     m.d.comb += distance.eq(158 - x.exponent - fraction)  # 158: exponent 31 and the bias
     amount = distance[:6] | (distance > 63).replicate(6)
     # One place below the integer: the guard bit.
-    shifted, lost = shift_right(m, Cat(Const(0, 9), x.significand), amount, "align")
+    # The highest place is left by all that does not saturate.
+    shifted, lost = shift_right(m, Cat(Const(0, 9), x.significand), amount, "align", width=32)
     return {
         "kept": shifted[1:32],
         "guard": shifted[0],

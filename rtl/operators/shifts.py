@@ -10,12 +10,16 @@ def shift_left(m: Module, value: Value, amount: Value, name: str) -> Signal:
     return out
 
 
-def shift_right(m: Module, value: Value, amount: Value, name: str) -> tuple[Signal, Signal]:
-    """`value >> amount` and whether a one fell out at the low end, found beside the shift, not after it."""
+def shift_right(m: Module, value: Value, amount: Value, name: str, width: int | None = None) -> tuple[Signal, Signal]:
+    """`value >> amount` and whether a one fell out at the low end, found beside the shift, not after it.
+
+    Where only its `width` lowest bits are of use, there are no others.
+    """
     lost: Value = Const(0, 1)
     for k, far in enumerate(amount):
         places = min(1 << k, len(value))
-        shifted, fallen = Signal(len(value), name=f"{name}{k}"), Signal(name=f"{name}{k}_lost")
+        bits = width if width is not None and k == len(amount) - 1 else len(value)
+        shifted, fallen = Signal(bits, name=f"{name}{k}"), Signal(name=f"{name}{k}_lost")
         m.d.comb += [
             shifted.eq(Mux(far, value >> places, value)),
             fallen.eq(lost | (far & value[:places].any())),
