@@ -43,6 +43,7 @@ FLOORS: dict[str, tuple[set[str], ...]] = {
         {"contract", "host"},
     ),
     "rtl": (
+        {"buses"},
         {"catalogue"},
         {"traversal", "maintenance"},
         {"intersection", "memory", "registers"},
