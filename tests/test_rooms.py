@@ -234,7 +234,6 @@ NAMES_UNITS = {
     "lightloom/hardware/benches.py",
     "lightloom/commands/bench.py",
     "lightloom/pages/measure.py",
-    "lightloom/pages/registers.py",
     "lightloom/pages/results.py",
 }
 
