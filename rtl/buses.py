@@ -1,3 +1,5 @@
+# amaranth: UnusedElaboratable=no
+# (a unit is also made only to ask for its ports)
 """Units of the catalogue, as they are or behind a bus."""
 
 from collections.abc import Callable

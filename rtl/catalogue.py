@@ -67,6 +67,7 @@ CATALOGUE: dict[str, Callable[[Config], UnitComponent]] = {
     "traversal": traversal,
 }
 
+
 def stream_unit(unit: str, config: Config) -> StreamUnit:
     """A unit whose results depend on its operands alone; TypeError for another."""
     made = CATALOGUE[unit](config)
