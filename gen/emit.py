@@ -13,7 +13,8 @@ from lightloom.gen.wrappers import memories_file, split
 from lightloom.golden_model.contract.interfaces import UNITS
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.outputs import whole_folder
-from lightloom.rtl.catalogue import CATALOGUE, module_name
+from lightloom.rtl.buses import module_name
+from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import Config
 
 INDEXED = ("unit", "module", "summary", "file", "sha256", "latency", "initiation_interval")

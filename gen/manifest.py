@@ -15,7 +15,7 @@ from lightloom.gen.verilog import AXI, BUS, ports_of
 from lightloom.gen.wrappers import memories, memories_file
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import bits
-from lightloom.rtl.catalogue import component, module_name
+from lightloom.rtl.buses import component, module_name
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.unit import STREAM_PORTS, UnitComponent
 from lightloom.rtl.registers.front import RegisterFront

@@ -10,7 +10,7 @@ from amaranth.lib import data, wiring
 from amaranth.lib.wiring import In
 
 from lightloom.gen.wrappers import described
-from lightloom.rtl.catalogue import component, module_name
+from lightloom.rtl.buses import component, module_name
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.memory import Wrapped
 from lightloom.rtl.fabric.pipeline import Core, StreamUnit
@@ -70,7 +70,7 @@ AXI, BUS = "m_axi", "s_axi"
 def verilog_of(unit: str, config: Config, prefix: str = "", bus: str = "") -> str:
     """The Verilog of one unit of the catalogue (KeyError for an unknown one), behind `bus` where one is named.
 
-    Its module is `unit` (of a bus: `rtl.catalogue.module_name`) with `prefix` before it; the names of the modules
+    Its module is `unit` (of a bus: `rtl.buses.module_name`) with `prefix` before it; the names of the modules
     inside begin with that.
     Ports: clk, rst (synchronous, active high), i__valid, i__ready, i__payload, o__valid, o__ready, o__payload.
     """

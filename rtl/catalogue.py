@@ -28,7 +28,6 @@ from lightloom.rtl.operators.float_to_fixed import FloatToFixed
 from lightloom.rtl.operators.float_to_fixed_down import FloatToFixedDown
 from lightloom.rtl.operators.float_to_half import FloatToHalf
 from lightloom.rtl.operators.half_to_float import HalfToFloat
-from lightloom.rtl.registers.front import RegisterFront
 from lightloom.rtl.traversal.array import traversal
 
 
@@ -67,19 +66,6 @@ CATALOGUE: dict[str, Callable[[Config], UnitComponent]] = {
     "texel_blend": _stream(lambda c: TexelBlend(c, interval=c.texel.blend_interval)),
     "traversal": traversal,
 }
-
-BUSES: dict[str, Callable[[Callable[[Config], UnitComponent], Config], UnitComponent]] = {"axi4-lite": RegisterFront}
-"""What a unit may stand behind, by the name of the bus."""
-
-
-def component(unit: str, config: Config, bus: str = "") -> UnitComponent:
-    """A unit of the catalogue, behind a bus where one is named; KeyError for an unknown one."""
-    return BUSES[bus](CATALOGUE[unit], config) if bus else CATALOGUE[unit](config)
-
-
-def module_name(unit: str, bus: str = "") -> str:
-    """What a unit's Verilog module is called: behind a bus it is another one."""
-    return f"{unit}_{bus.replace('-', '_')}" if bus else unit
 
 
 def stream_unit(unit: str, config: Config) -> StreamUnit:

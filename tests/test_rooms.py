@@ -43,6 +43,7 @@ FLOORS: dict[str, tuple[set[str], ...]] = {
         {"contract", "host"},
     ),
     "rtl": (
+        {"buses"},
         {"catalogue"},
         {"traversal", "maintenance"},
         {"intersection", "memory", "registers"},
@@ -233,7 +234,6 @@ NAMES_UNITS = {
     "lightloom/hardware/benches.py",
     "lightloom/commands/bench.py",
     "lightloom/pages/measure.py",
-    "lightloom/pages/registers.py",
     "lightloom/pages/results.py",
 }
 

@@ -29,7 +29,8 @@ def emit(
     json: Json = False,
 ) -> None:
     from lightloom.hardware.describe import emit_units, unit_row
-    from lightloom.rtl.catalogue import BUSES, CATALOGUE
+    from lightloom.rtl.buses import BUSES
+    from lightloom.rtl.catalogue import CATALOGUE
     from lightloom.shared.console import Progress, print_json, print_table
 
     choose(preset, PRESETS, "preset")

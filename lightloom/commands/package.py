@@ -34,7 +34,8 @@ def package(
     json: Json = False,
 ) -> None:
     from lightloom.hardware.package_inputs import package_units
-    from lightloom.rtl.catalogue import BUSES, CATALOGUE
+    from lightloom.rtl.buses import BUSES
+    from lightloom.rtl.catalogue import CATALOGUE
     from lightloom.shared.console import Progress, print_json, print_table
 
     choose(preset, PRESETS, "preset")

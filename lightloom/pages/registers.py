@@ -5,10 +5,11 @@ from collections.abc import Iterator
 from typing import Any
 
 from lightloom.gen.manifest import manifest
+from lightloom.golden_model.contract.interfaces import PURE, UNITS
 from lightloom.pages.units import table
 from lightloom.rtl.config import PRESETS
 
-UNIT, PRESET, BUS = "traversal", "base", "axi4-lite"
+PRESET, BUS = "base", "axi4-lite"
 ACCESSES = {
     "rw": "read, write",
     "ro": "read",
@@ -88,16 +89,15 @@ model's results, in all bits.
 
 def page() -> str:
     """The whole page."""
-    described = manifest(UNIT, PRESETS[PRESET], bus=BUS)
+    return "\n".join([TEXT, *(text for unit in UNITS if unit not in PURE for text in _unit(unit))])
+
+
+def _unit(unit: str) -> Iterator[str]:
+    """A unit that has ports besides its streams."""
     head = ["offset", "register", "bits", "field", "access", "reset", "meaning"]
-    return "\n".join(
-        [
-            TEXT,
-            f"## The registers of `{UNIT}`, preset `{PRESET}`\n",
-            "Offsets are in bytes. A register that says *held* is, while `operands_wait` is 1.\n",
-            table(head, _rows(described["registers"])),
-        ]
-    )
+    yield f"## The registers of `{unit}`, preset `{PRESET}`\n"
+    yield "Offsets are in bytes. A register that says *held* is, while `operands_wait` is 1.\n"
+    yield table(head, _rows(manifest(unit, PRESETS[PRESET], bus=BUS)["registers"]))
 
 
 def _rows(registers: list[dict[str, Any]]) -> Iterator[list[str]]:

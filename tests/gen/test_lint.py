@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from lightloom.rtl.catalogue import CATALOGUE, module_name
+from lightloom.rtl.buses import module_name
+from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
 from lightloom.sim import toolchain
 from lightloom.sim.emitted import emitted as emitted_text

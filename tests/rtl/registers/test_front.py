@@ -12,7 +12,8 @@ from amaranth.sim import Simulator
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.models import model_results
-from lightloom.rtl.catalogue import CATALOGUE, component
+from lightloom.rtl.buses import component
+from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
 from lightloom.rtl.registers.front import RegisterFront
 from lightloom.verif.vectors.unit_vectors import unit_vectors

@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from lightloom.rtl.catalogue import CATALOGUE, component
+from lightloom.rtl.buses import component
+from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
 from lightloom.rtl.fabric.unit import UnitComponent
 from lightloom.rtl.registers.front import RegisterFront
