@@ -219,8 +219,10 @@ def test_a_wrong_result_is_told_with_its_operands() -> None:
 
 def test_faults_are_where_the_list_says() -> None:
     for one in FAULTS.values():
-        assert (ROOT / one.file).read_text(encoding="utf-8").count(one.old) == 1, one.name
+        text = (ROOT / one.file).read_text(encoding="utf-8")
+        assert text.count(one.old) == 1, one.name
         assert one.new != one.old
+        compile(text.replace(one.old, one.new), one.name, "exec")  # a fault is not a text that cannot be read
         assert one.checks, one.name
         for check in one.checks:
             assert check in PROPERTIES or (ROOT / check.split("::")[0]).exists(), f"{one.name}: {check}"
