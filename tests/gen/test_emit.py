@@ -172,7 +172,7 @@ def two_in_one(unit: str, folder: Path) -> list[Path]:
 
 @pytest.mark.icarus
 @needs_icarus
-@pytest.mark.parametrize("unit", ["ray_time", "traversal"])
+@pytest.mark.parametrize("unit", ["ray_time", pytest.param("traversal", marks=pytest.mark.long)])
 def test_two_presets_in_one_design(unit: str, tmp_path: Path) -> None:
     files = two_in_one(unit, tmp_path)
     modules = [re.findall(r"^module (\w+)", path.read_text(encoding="utf-8"), re.M) for path in files]

@@ -28,9 +28,7 @@ from lightloom.sim.traversal import TraversalUnit
 SEED = 1905
 RAYS, TRIANGLES = 800, 200
 TRACED = 20
-"""Members of the covering array that rays are traced through,"""
-QUICK = (14,)
-"""and those of them that are not left to the long tests."""
+"""Members of the covering array that rays are traced through."""
 MOST_UNITS = 2
 """Of a member that rays are traced through: more are more copies of the same, and take too long to build."""
 
@@ -208,10 +206,8 @@ def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return triangles, rng.choice(np.array([0xFF, 0x0F, 0x30], np.uint8), TRIANGLES), queries
 
 
-@pytest.mark.parametrize(
-    "number",
-    [pytest.param(k, marks=() if k in QUICK else pytest.mark.long) for k in range(TRACED)],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("number", range(TRACED))
 def test_a_member_traces_as_the_model(number: int) -> None:
     member = covering_array()[number]
     config = member.but(units=min(member.traversal.units, MOST_UNITS))
