@@ -119,7 +119,7 @@ module {{ module }}_tb;
   );
 {% endif %}
 
-  integer cycle, k, idle, fault, seed;
+  integer cycle, k, idle, silent, fault, seed;
   reg [31:0] found, wanted;
   reg [1:0] response;
   reg [TAG-1:0] tag;
@@ -130,6 +130,14 @@ module {{ module }}_tb;
         $display("FAIL {{ module }}: %0s (cycle %0d, operation %0d, wanted %h, found %h)", what, cycle, k, wanted, found);
       fault = 1;
       $finish;
+    end
+  endtask
+
+  // A cycle more in which nothing comes.
+  task waited(input [8*64-1:0] what);
+    begin
+      silent = silent + 1;
+      if (silent > PATIENCE) fail(what);
     end
   endtask
 
@@ -148,7 +156,7 @@ module {{ module }}_tb;
       awaddr = address;
       awvalid = order != 1;
       wvalid = order != 0;
-      idle = 0;
+      silent = 0;
       response = 2'bxx;
       while (awvalid || wvalid || order < 2) begin
         @(posedge clk);
@@ -158,12 +166,15 @@ module {{ module }}_tb;
         if (order == 0) wvalid = 1;
         if (order == 1) awvalid = 1;
         order = 2;
-        idle = idle + 1;
-        if (idle > PATIENCE) fail("a write is not taken");
+        waited("a write is not taken");
       end
       pause(0);
       bready = 1;
-      while (!(bvalid === 1'b1)) @(negedge clk);
+      silent = 0;
+      while (!(bvalid === 1'b1)) begin
+        @(negedge clk);
+        waited("a write is not answered");
+      end
       response = bresp;
       @(negedge clk);
       bready = 0;
@@ -177,13 +188,21 @@ module {{ module }}_tb;
     begin
       araddr = address;
       arvalid = 1;
+      silent = 0;
       @(posedge clk);
-      while (!arready) @(posedge clk);
+      while (!(arready === 1'b1)) begin
+        @(posedge clk);
+        waited("a read is not taken");
+      end
       @(negedge clk);
       arvalid = 0;
       pause(0);
       rready = 1;
-      while (!(rvalid === 1'b1)) @(negedge clk);
+      silent = 0;
+      while (!(rvalid === 1'b1)) begin
+        @(negedge clk);
+        waited("a read is not answered");
+      end
       found = rdata;
       response = rresp;
       @(negedge clk);
@@ -238,8 +257,12 @@ module {{ module }}_tb;
     write({{ at.status }}, 32'hffffffff, 2'b10);
     if (irq !== 1'b0) fail("an interrupt that nobody wants");
 {% if axi %}
+{% if "base" in at %}
+    write({{ at.base }}, 32'd{{ base }}, 2'b00);
+{% else %}
     write({{ at.base_low }}, 32'd{{ base % 2**32 }}, 2'b00);
     write({{ at.base_high }}, 32'd{{ base // 2**32 }}, 2'b00);
+{% endif %}
     write({{ at.event_enables }}, 32'd1 << {{ fields.load_over_enable.low }}, 2'b00);
     write({{ at.control }}, 32'd1 << {{ fields.load.low }}, 2'b00);
     idle = 0;

@@ -48,6 +48,7 @@ so is what is answered: no path leads from an input of the port to one of its ou
 - A control of more than 32 bits is two registers, NAME_low and NAME_high.
 - A register of 64 bits is read by its lower word first: that keeps the upper word, and a read of any upper word gives
   what was kept last. So a counter is whole, as long as nobody reads another one between its halves.
+  SystemRDL has no word for that: a block that PeakRDL-regblock makes of the file reads both halves as they are.
 
 `irq` is high while an event has happened, is not cleared, and its bit in `event_enables` is 1.
 
@@ -71,7 +72,12 @@ region signals of the memory's port are the system's to set.
    results between rays: who gives rays and takes no results finds `operands_wait` at 1 for ever, and hardware at the
    streams waits, too.
 
-`abort` forgets what is under way, what waits in the registers too; `abort_over` tells when that is done.
+Who waits for `irq` clears `result_came` first, and then takes results until `result_waits` is 0: two results may be
+one event.
+
+`abort` forgets what is under way, what waits in the registers too; `abort_over` tells when that is done. Until then
+what is written to `load` and `submit` is lost. Events that have happened stay, `result_came` too, until cleared.
+A unit whose addresses have 32 bits or fewer has one register `base`.
 `examples/registers/trace.c` is a program that does this, and a test that runs it on the Verilog finds the golden
 model's results, in all bits.
 
@@ -79,7 +85,7 @@ model's results, in all bits.
 
 | what | where |
 |---|---|
-| the protocol and what accesses do: proved for all time; 21 faults are noticed | `gen/formal/register_block.py` |
+| the protocol and what accesses do: proved for all time; its faults are noticed | `gen/formal/register_block.py` |
 | the register block against a model, all channels stalled, all that it reads in motion | `tests/rtl/registers/` |
 | registers and streams at a time, by cocotbext-axi's master, on both simulators | `verif/benches/test_registers.py` |
 | rays through registers by a program in C, and aborts, on Verilator | `tests/sim/test_register_bus.py` |

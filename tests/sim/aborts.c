@@ -46,6 +46,7 @@ int main(int argc, char **argv) {
   fclose(file);
   base = (uint32_t)strtoul(argv[2], NULL, 10);
   system_start(argv[1], strtoull(argv[5], NULL, 10));
+  check(register_read(AT(events)) == 0 && !interrupt(), "nothing has happened before the first load");
   load(base);
 
   /* No result is taken: at last a ray waits, and its registers are held. */

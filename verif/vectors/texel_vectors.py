@@ -254,11 +254,23 @@ def dropped(count: int, rng: Generator) -> np.ndarray:
     return out
 
 
+def suddenly_bright(count: int, rng: Generator) -> np.ndarray:
+    """Samples that are a power of two times the average, and a little more: each bit of a deviation set alone."""
+    out = updates(count, rng)
+    out["fraction"] = 12
+    sample = (1 << rng.integers(0, 24, (count, 1))) + rng.integers(0, 17, (count, 1))
+    out["total"] = sample << 12
+    out["irradiance"] = 1
+    out["count"] = rng.choice([1, 2, 4, 8, 255], count)
+    return out
+
+
 BLEND_FAMILIES: dict[str, Family] = {
     "raw": lambda count, rng: raw(TEXEL_BLEND, count, rng),
     "updates": updates,
     "dark": dark_and_glaring,
     "dropped": dropped,
+    "bright": suddenly_bright,
     "specials": specials_in(updates, TEXEL_BLEND),
 }
 
