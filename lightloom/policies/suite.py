@@ -7,6 +7,7 @@ option has changed since, they are made anew.
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -73,7 +74,8 @@ def run_suite(
 ) -> list[dict[str, Any]]:
     """The figures of all cases, in their order, `jobs` at a time; `advance` is told of each that is done."""
     done: dict[str, dict[str, Any]] = {}
-    with ProcessPoolExecutor(jobs) as pool:
+    # Not by a fork, which could copy a lock that another thread of this process holds.
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
         waiting = {pool.submit(run_case, case, options, folder): case for case in chosen}
         try:
             for future in as_completed(waiting):
