@@ -125,7 +125,11 @@ def another(name: str) -> int:
     return values[0] if PRESETS["tiny"].flat()[name] != values[0] else values[-1]
 
 
-@pytest.mark.parametrize("unit", PURE)
+LARGE = {"ray_triangle", "ray_triangle_half", "texel_project", "texel_blend"}
+"""Units that take longest to emit, which this does many times."""
+
+
+@pytest.mark.parametrize("unit", [pytest.param(unit, marks=pytest.mark.long if unit in LARGE else ()) for unit in PURE])
 def test_a_unit_depends_on_what_it_says(unit: str) -> None:
     """On no other parameter; and a number unit on each of them."""
     tiny, mine = PRESETS["tiny"], parameters_of(PURE[unit])

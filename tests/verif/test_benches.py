@@ -12,12 +12,21 @@ from lightloom.rtl.fabric.pipeline import StreamUnit
 from lightloom.rtl.intersection.ray_triangle import RayTriangle
 from lightloom.sim.runner import BenchError, run_bench
 from lightloom.verif.vectors.unit_vectors import unit_vectors
-from tests.simulators import SIMULATORS
+from tests.simulators import SIMULATORS, needs_icarus
 
 SEED = 2013
 # Of a number unit, and of a larger one, of which Icarus simulates a hundred cycles a second: it is there for what is
 # undefined and for the order of events.
 COUNT = {"verilator": (3000, 3000), "icarus": (300, 100)}
+
+
+SLOW_ON_ICARUS = {"texel_project", "texel_blend"}
+
+
+def marks_of(unit: str, simulator: str) -> list[pytest.MarkDecorator]:
+    if simulator == "verilator":
+        return []
+    return [pytest.mark.icarus, needs_icarus, *([pytest.mark.long] if unit in SLOW_ON_ICARUS else [])]
 
 
 def bench(
@@ -40,8 +49,14 @@ def bench(
     )
 
 
-@pytest.mark.parametrize("simulator", SIMULATORS)
-@pytest.mark.parametrize("unit", PURE)
+@pytest.mark.parametrize(
+    ("unit", "simulator"),
+    [
+        pytest.param(unit, simulator, marks=marks_of(unit, simulator))
+        for unit in PURE
+        for simulator in ("verilator", "icarus")
+    ],
+)
 def test_bench(unit: str, simulator: str, tmp_path: Path) -> None:
     assert bench(unit, simulator, tmp_path) == 8
 

@@ -16,12 +16,16 @@ BASE = PRESETS["base"].but(tag_width=TAGS)
 
 @pytest.mark.parametrize(
     ("config", "rays", "few"),
-    [pytest.param(BASE, 10_000, 30, id="base"), pytest.param(SMALL, 1_000, 10, id="small")],
+    [
+        pytest.param(BASE, 10_000, 30, id="base", marks=pytest.mark.long),
+        pytest.param(SMALL, 1_000, 10, id="small"),
+    ],
 )
 def test_bench_on_verilator(config: Config, rays: int, few: int, tmp_path: Path) -> None:
     assert run_traversal_bench(tmp_path, "verilator", config, rays=rays, few=few) == TESTS
 
 
+@pytest.mark.long
 @pytest.mark.icarus
 @needs_icarus
 def test_bench_on_icarus(tmp_path: Path) -> None:
