@@ -11,6 +11,10 @@ from lightloom.sim.runner import run_bench
 from lightloom.verif.vectors.unit_vectors import unit_vectors
 
 SEED = 2024
+OPERANDS = 4000
+"""Of each test of a bench of streams."""
+RAYS = 3000
+"""Of the traversal unit's bench with all sides stalled."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +56,7 @@ def _streams(unit: str) -> UnitBench:
     """Of a unit whose results depend on its operands alone."""
 
     def run(how: Run) -> int:
-        count = how.sized(4000, 300 if unit in OPERATORS else 100)
+        count = how.sized(OPERANDS, 300 if unit in OPERATORS else 100)
         return run_bench(
             unit,
             how.simulator,
@@ -74,7 +78,7 @@ def _traversal(how: Run) -> int:
         how.folder,
         how.simulator,
         how.config,
-        rays=how.sized(3000, 400),
+        rays=how.sized(RAYS, 400),
         few=how.sized(30, 10),
         seed=how.seed,
         verilog=how.verilog,
