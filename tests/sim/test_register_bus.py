@@ -1,6 +1,5 @@
 """A program in C traces rays through the traversal unit's registers, on Verilator: the golden results, in all bits."""
 
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -17,11 +16,10 @@ from lightloom.golden_model.contract.formats import LOAD_ERRORS, RAY_RESULT
 from lightloom.sim.register_bus import compiled
 from lightloom.sim.run_traversal_bench import SMALL
 from tests import ROOT
+from tests.simulators import needs_gcc
 
 PROGRAM = ROOT / "examples" / "registers" / "trace.c"
 ABORTS = Path(__file__).with_name("aborts.c")
-
-needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler: apt install gcc")
 
 
 @pytest.fixture(scope="module")
