@@ -89,9 +89,9 @@ class FloatFlow:
         core = FloatToFixedDown(self._operators.convert_depth)
         return self._flow.apply(name, core, a=a, fraction=fraction)["z"]
 
-    def from_fixed(self, name: str, a: Node) -> Node:
+    def from_fixed(self, name: str, a: Node, fraction: Node | int = 0) -> Node:
         """Of an unsigned integer of at most 31 bits."""
-        return self._flow.apply(name, FixedToFloat(self._operators.convert_depth), a=a, fraction=0)["z"]
+        return self._flow.apply(name, FixedToFloat(self._operators.convert_depth), a=a, fraction=fraction)["z"]
 
     def from_fixed64(self, name: str, a: Node, fraction: Node | int = 0) -> Node:
         """Of an integer of 64 bits, or an unsigned one of fewer."""

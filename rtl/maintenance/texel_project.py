@@ -11,7 +11,7 @@ from lightloom.golden_model.contract.formats import SCREEN_BITS, SHORTEST
 from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.dataflow import Dataflow, DataflowCore, Node
-from lightloom.rtl.intersection.float_flow import ONE, FloatFlow, bits_of, is_zero
+from lightloom.rtl.intersection.float_flow import ONE, FloatFlow, bits_of
 
 
 class TexelProject(DataflowCore):
@@ -89,18 +89,13 @@ def _on_axis(
     # The size waits as an integer of few bits.
     late = flow.logic(f"{name}_size", lambda size, _: size, size, enlarged)
     whole = f.from_fixed(f"{name}_size_float", late)
-    coordinate = f.add(name, scaled, flow.logic(f"{name}_half", halved, whole))
+    coordinate = f.add(name, scaled, f.from_fixed(f"{name}_size_half", late, 1))
     doubled = f.to_fixed_down(f"{name}_doubled", coordinate, 1)
     taps = [
         flow.logic(f"{name}_tap{k}", lambda doubled, size, k=k: tap(doubled, size, k), doubled, size) for k in range(2)
     ]
     before = f.negate(f"{name}_before", coordinate)
     return taps, f.maximum(f"{name}_outside", before, f.subtract(f"{name}_after", coordinate, whole))
-
-
-def halved(size: Value) -> Value:
-    """Half of a number that is 0 or not less than 1."""
-    return Cat(size[:23], Mux(is_zero(size), 0, size[23:31] - 1)[:8], size[31])
 
 
 def tap(doubled: Value, size: Value, offset: int) -> Value:
