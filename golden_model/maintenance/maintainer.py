@@ -58,29 +58,36 @@ class Maintainer:
         """
         self.state["count"] = 0
         self.state["number"] = 0
-        texel = self.selector.order[: budget // self.sampling.reserve(world.scene.specular)]
-        gathered = yield from self._update(world, texel, 0, collector, clock)
-        return texel, gathered.rays
+        waiting = self.selector.order[: budget // self.sampling.directions]
+        rays: Counter[str] = Counter()
+        updated = 0
+        while count := self._admitted(world, budget - rays.total(), len(waiting) - updated):
+            texel = waiting[updated : updated + count]
+            gathered = yield from self._update(world, texel, 0, collector, clock)
+            rays.update(gathered.rays)
+            updated += count
+        return waiting[:updated], dict(rays)
 
     def run(
         self, world: World, context: FrameContext, budget: int, collector: Collector, clock: Stopwatch
     ) -> Waves[Maintenance]:
         """Updates texels by at most `budget` rays.
 
-        Every update reserves the most rays that it can take. What turns out not to be needed pays for further rounds.
+        The texels of the plan are admitted in its order: one more as long as the rays that those before it took, and
+        the most that it can take itself, are within the budget. So less than one reserve is left, or no texel is.
         """
-        reserve = self.sampling.reserve(world.scene.specular)
         with clock("select"):
-            plan = self.selector.plan(context, budget, reserve)
+            reserve = self.sampling.reserve(world.scene.specular)
+            plan = self.selector.plan(context, budget, reserve, self.sampling.directions)
             plan.mark(self.state, self.policy.heavy_updates)
             dropped = np.flatnonzero(plan.influence >= self.policy.drop_level)
             drop(self.state, dropped)
         drifting = self._drifting_maps()
-        samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         rays = Counter(plan.rays)
         waiting = np.concatenate([plan.texel, plan.spare])
-        count, updated = len(plan.texel), 0
-        for _ in range(self.sampling.rounds):
+        samples = [(waiting[:0], self.state["irradiance"][:0], self.state["irradiance"][:0])]
+        updated = 0
+        while count := self._admitted(world, budget - rays.total(), len(waiting) - updated):
             texel = waiting[updated : updated + count]
             plan.forget_old(self.state, texel)
             in_drift = drifting[self._owner[texel]]
@@ -90,15 +97,20 @@ class Maintainer:
             gathered = yield from self._update(world, texel, context.frame, collector, clock)
             samples.append((texel[known], before[known], gathered.irradiance[known]))
             rays.update(gathered.rays)
-            updated += len(texel)
-            count = (budget - rays.total()) // reserve
-            if not count or updated == len(waiting):
-                break
+            updated += count
         if self.policy.drift:
             with clock("blend"):
                 self._observe_departures(samples, world.fraction)
         self.selector.spend(plan, updated - len(plan.texel))
         return Maintenance(texels=waiting[:updated], dropped=dropped, rays=dict(rays), plan=plan)
+
+    def _admitted(self, world: World, rays: int, waiting: int) -> int:
+        """Of `waiting` texels, how many are surely admitted if `rays` are left, whatever each of them takes.
+
+        Those that follow depend on what these take. To ask again until it is 0 admits each texel for which the rays of
+        all before it and its own reserve are within the budget, and no other: texels need not go one by one for that.
+        """
+        return min(rays // self.sampling.reserve(world.scene.specular), waiting)
 
     def _drifting_maps(self) -> np.ndarray:
         """Whether each map departed to the same side in the last two frames, (O,) bool."""
@@ -106,7 +118,7 @@ class Maintainer:
         return (before == now) & (now != 0)
 
     def _observe_departures(self, samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]], fraction: int) -> None:
-        """Takes the samples of a frame: texels (M,), their averages before and their samples (M, 3), a round each."""
+        """Takes the samples of a frame: texels (M,), their averages before and their samples (M, 3), in parts."""
         texel, before, sample = (np.concatenate(parts) for parts in zip(*samples, strict=True))
         policy, owner = self.policy, self._owner[texel]
         now = departures(owner, before, sample, self._maps, fraction, policy.drift_least, policy.drift_certainty)

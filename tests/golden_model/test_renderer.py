@@ -54,7 +54,7 @@ def closed_box(albedo: float, emission: float) -> Scene:
 
 
 def test_every_texel_has_its_turn() -> None:
-    sampling = Sampling(priming=0, rounds=1)
+    sampling = Sampling(priming=0)
     renderer = Renderer(COARSE, budget=3000, sampling=sampling, policy=POLICIES["round-robin"], **SIZE)
     valid = np.flatnonzero(renderer.lightmaps.texels["state"] == VALID)
     frames = -(-len(valid) // (3000 // sampling.reserve(specular=False)))
@@ -62,23 +62,20 @@ def test_every_texel_has_its_turn() -> None:
     for _ in range(frames):
         renderer.frame()
     assert (renderer.state["count"][valid] > 0).all()
-    assert np.isin(renderer.state["count"][valid], [1, 2]).all()
+    # Rays to spare begin a second round, and probing has a cursor of its own.
+    assert np.isin(renderer.state["count"][valid], [1, 2, 3]).all()
     assert (np.delete(renderer.state["count"], valid) == 0).all()
     assert (renderer.state["frame"][valid] < frames).all()
 
 
 def test_rays_that_were_not_needed_pay_for_further_texels() -> None:
     """A floor lit from behind needs no shadow rays, so their part of the budget is there for others."""
-    updates = []
-    for rounds in (1, 4):
-        sampling = Sampling(directions=4, light_samples=4, priming=0, rounds=rounds)
-        renderer = Renderer(COARSE, budget=2000, sampling=sampling, **SIZE)
-        done = [renderer.frame().maintenance for _ in range(3)]
-        assert all(len(np.unique(one.texels)) == len(one.texels) for one in done)
-        updates.append([len(one.texels) for one in done])
-        if rounds == 4:
-            assert all(sum(one.rays.values()) > 2000 - 8 for one in done), "less than one update is left"
-    assert all(more > few for few, more in zip(*updates, strict=True))
+    sampling = Sampling(directions=4, light_samples=4, priming=0)
+    renderer = Renderer(COARSE, budget=2000, sampling=sampling, **SIZE)
+    for _ in range(3):
+        done = renderer.frame().maintenance
+        assert len(np.unique(done.texels)) == len(done.texels) > len(done.plan.texel)
+        assert 2000 - 8 < sum(done.rays.values()) <= 2000, "less than one update is left"
 
 
 @pytest.mark.parametrize("versions", [1, 2, 4])

@@ -29,13 +29,6 @@ class Sampling:
         "but the hits of their rays do, one each.",
     )
     bounces: int = number(4, 0, 16, "Mirrors and panes of glass that a ray may meet on its way to a diffuse surface.")
-    rounds: int = number(
-        4,
-        1,
-        16,
-        "Times at most that a frame chooses texels: first what its budget is sure to pay for, then with what was "
-        "reserved and not needed.",
-    )
     blending: Blending = field(default_factory=Blending)
     """How it weighs against the old value."""
     priming: int = number(

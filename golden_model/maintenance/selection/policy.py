@@ -155,7 +155,6 @@ class Policy:
     rays_share: int = number(
         16, 0, SHARE // 2, "Share of the budget, in 1/256, that visibility and footprint rays may take together."
     )
-    spare: int = number(256, 0, 4 * SHARE, "Texels named for budget that is left over, in 1/256 of the updates.")
 
     # --- the class of a texel: each point doubles its rate ---
     degree_points: tuple[int, int, int, int] = number(

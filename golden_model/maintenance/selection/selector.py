@@ -132,10 +132,11 @@ class Selector:
         self._place = np.zeros(len(lightmaps.texels), dtype=np.int64)
         self._place[self.order] = np.arange(len(self.order))
 
-    def plan(self, context: FrameContext, budget: int, cost: int = 1) -> Plan:
+    def plan(self, context: FrameContext, budget: int, cost: int = 1, least: int | None = None) -> Plan:
         """The texels of a frame: `budget` rays pay for the rays that are traced here and `cost` >= 1 a texel.
 
-        So len(texel) * cost + the rays traced <= budget.
+        So len(texel) * cost + the rays traced <= budget. A texel takes `least` rays or more (None: as many as `cost`):
+        there are as many to spare as the budget would pay for if no texel took more.
         """
         policy, maps = self.policy, context.lightmaps
         valid = np.zeros(len(maps.texels), dtype=bool)
@@ -153,8 +154,9 @@ class Selector:
         priority[~valid] = 0
         urgent = valid & ((influence >= policy.heavy_level) | believed)
 
-        updates = (budget - footprint_rays - visibility_rays) // cost
-        chosen, spare = self._share_out(valid, sight.degree, priority, updates, (budget - allowed) // cost)
+        left = budget - footprint_rays - visibility_rays
+        updates, certain = left // cost, (budget - allowed) // cost
+        chosen, spare = self._share_out(valid, sight.degree, priority, updates, left // (least or cost), certain)
         return Plan(
             texel=chosen,
             spare=spare,
@@ -229,10 +231,13 @@ class Selector:
         return centre + near + around, believed
 
     def _share_out(
-        self, valid: np.ndarray, degree: np.ndarray, priority: np.ndarray, updates: int, certain: int
+        self, valid: np.ndarray, degree: np.ndarray, priority: np.ndarray, updates: int, most: int, certain: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The texels of `updates` updates, and those to spare; shares are reckoned from `certain` <= `updates`."""
-        policy, order = self.policy, self.order
+        """The texels of `updates` updates, and those to spare, `most` together.
+
+        Shares are reckoned from `certain` <= `updates`.
+        """
+        order = self.order
         free = valid[order]
         parts = []
 
@@ -248,7 +253,7 @@ class Selector:
         rank = priority[order]
         members = np.bincount(rank[free], minlength=CLASSES).tolist()
         quota = quotas(members, left)
-        more = quotas([n - q for n, q in zip(members, quota, strict=True)], updates * policy.spare // SHARE)
+        more = quotas([n - q for n, q in zip(members, quota, strict=True)], most - updates)
         spares = []
         for c in reversed(range(CLASSES)):
             if quota[c] + more[c]:

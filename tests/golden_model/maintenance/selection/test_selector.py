@@ -82,11 +82,12 @@ def test_no_valid_texels() -> None:
 @given(
     budget=st.integers(0, 4000),
     cost=st.integers(1, 40),
+    least=st.integers(1, 40),
     frame=st.integers(0, 40),
     name=st.sampled_from(["round-robin", "visibility", "variability", "influence", "footprints", "invalidate"]),
     seed=st.integers(0, 1000),
 )
-def test_no_plan_exceeds_its_budget(budget: int, cost: int, frame: int, name: str, seed: int) -> None:
+def test_no_plan_exceeds_its_budget(budget: int, cost: int, least: int, frame: int, name: str, seed: int) -> None:
     """Rays counted where they are traced, with any state of the texels, over objects that come and go."""
     own = {"footprints": Policy(influence="footprints"), "invalidate": Policy(invalidate=True)}
     policy = own.get(name) or POLICIES[name]
@@ -97,7 +98,7 @@ def test_no_plan_exceeds_its_budget(budget: int, cost: int, frame: int, name: st
         state = random_state(stage, rng)
         values = rng.random((len(state), 3)).astype(np.float32)
         context = stage.context(frame + step, 24, state, values=values, trace=counted)
-        plan = selector.plan(context, budget, cost)
+        plan = selector.plan(context, budget, cost, min(least, cost))
         assert counted.rays == sum(plan.rays.values()), seed
         assert len(plan.texel) * cost + counted.rays <= budget, seed
         if budget >= cost:
@@ -105,6 +106,7 @@ def test_no_plan_exceeds_its_budget(budget: int, cost: int, frame: int, name: st
             assert len(plan.texel) == min((budget - counted.rays) // cost, valid.sum()) >= 1, seed
             chosen = np.concatenate([plan.texel, plan.spare])
             assert len(np.unique(chosen)) == len(chosen), seed
+            assert len(chosen) == min((budget - counted.rays) // min(least, cost), valid.sum()), seed
             assert valid[chosen].all(), seed
         classes = plan.priority[plan.spare].astype(int)
         assert (np.diff(classes) <= 0).all(), seed
@@ -292,9 +294,9 @@ def test_absent_objects_are_not_sampled() -> None:
 def test_spare_texels_take_their_turn_when_they_are_spent() -> None:
     first, second = (Selector(STAGE.lightmaps, STAGE.scene, replace(STILL, sweep=0, probe=0)) for _ in range(2))
     context = STAGE.context(0, 64)
-    plan = first.plan(context, 30)
-    assert (second.plan(context, 30).texel == plan.texel).all()
+    plan = first.plan(context, 60, 2, 1)
+    assert (second.plan(context, 60, 2).texel == plan.texel).all()
     first.spend(plan, 10)
     # Classes are unchanged, so the texels spent are not chosen again at once, and those not spent are.
-    assert not np.isin(plan.spare[:10], first.plan(context, 30).texel).any()
-    assert np.isin(plan.spare[:10], second.plan(context, 30).texel).any()
+    assert not np.isin(plan.spare[:10], first.plan(context, 60, 2).texel).any()
+    assert np.isin(plan.spare[:10], second.plan(context, 60, 2).texel).any()
