@@ -12,11 +12,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightloom.golden_model.numerics.floats import flush, quiet
+from lightloom.golden_model.numerics.floats import float_to_fixed, float_to_fixed_down, flush, quiet
 from lightloom.golden_model.numerics.vectors import interpolate
 
 EMPTY, VALID, BURIED = 0, 1, 2
 """States of a texel; see `golden_model.contract.formats.TEXEL`."""
+PLACE_BITS = 8
+"""Of a place between two texels, after the point: a bilinear read has weights of twice as many."""
+_ONE = 1 << PLACE_BITS
+_VALUE_BITS = 24
+"""After the point of every binary16 number, subnormal ones included; before it there are 16."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,8 +89,9 @@ def levels_of(lightmaps: Lightmaps) -> Levels:
 def bilinear_taps(lightmaps: Lightmaps, object_id: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The four texels around lightmap coordinates (N, 2) of objects (N,), and their weights.
 
-    Returns (texel (N, 4) int64, weight (N, 4) float32), in the order (0,0), (1,0), (0,1), (1,1) of (column, row).
-    Beyond the border of the map its last texels are repeated. Weights are the float32 products of the fractions.
+    Returns (texel (N, 4) int64, weight (N, 4) int64), in the order (0,0), (1,0), (0,1), (1,1) of (column, row). Beyond
+    the border of the map its last texels are repeated. Coordinates are rounded to 1/256 of a texel, so weights are
+    integers in 2**-16 that add up to 2**16.
     """
     width, height = lightmaps.width[object_id].astype(np.int64), lightmaps.height[object_id].astype(np.int64)
     return _taps(width, height, lightmaps.offset[object_id].astype(np.int64), uv)
@@ -94,43 +100,43 @@ def bilinear_taps(lightmaps: Lightmaps, object_id: np.ndarray, uv: np.ndarray) -
 @quiet
 def _taps(width: np.ndarray, height: np.ndarray, base: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """As `bilinear_taps`, in images of (N,) columns and rows that begin at texel `base` (N,)."""
-    half = np.float32(0.5)
-    x, y = flush(uv[:, 0] - half), flush(uv[:, 1] - half)
-    left, top = np.floor(x), np.floor(y)
-    fx, fy = flush(x - left), flush(y - top)
-    gx, gy = flush(np.float32(1) - fx), flush(np.float32(1) - fy)
-    column = [np.clip(left.astype(np.int64) + k, 0, width - 1) for k in (0, 1)]
-    row = [np.clip(top.astype(np.int64) + k, 0, height - 1) for k in (0, 1)]
+    x, y = float_to_fixed(flush(uv - np.float32(0.5)), PLACE_BITS).astype(np.int64).T
+    fx, fy = x & (_ONE - 1), y & (_ONE - 1)
+    column = [np.clip((x >> PLACE_BITS) + k, 0, width - 1) for k in (0, 1)]
+    row = [np.clip((y >> PLACE_BITS) + k, 0, height - 1) for k in (0, 1)]
     texel = np.stack([base + row[j] * width + column[i] for j in (0, 1) for i in (0, 1)], axis=1)
-    weight = np.stack([flush(gx * gy), flush(fx * gy), flush(gx * fy), flush(fx * fy)], axis=1)
-    return texel, weight
+    return texel, np.stack([(_ONE - fx) * (_ONE - fy), fx * (_ONE - fy), (_ONE - fx) * fy, fx * fy], axis=1)
 
 
 def bilinear(lightmaps: Lightmaps, values: np.ndarray, object_id: np.ndarray, uv: np.ndarray) -> np.ndarray:
-    """Values (texels, K) float32 read between texels at coordinates (N, 2) of objects (N,): (N, K) float32.
+    """Values (texels, K) read between texels at coordinates (N, 2) of objects (N,): (N, K) float32.
 
-    ((w0 t0 + w1 t1) + w2 t2) + w3 t3, flushed at each step. Read values to which `fill` was applied.
+    Values are float32 that binary16 holds, 0 or more, as `readable` gives them, with `fill` applied. The weighted sum
+    is exact, whatever the order, and rounded once.
     """
-    return _weighted(values, *bilinear_taps(lightmaps, object_id, uv))
+    return _rounded(_weighted(values, *bilinear_taps(lightmaps, object_id, uv)), 2 * PLACE_BITS)
 
 
-@quiet
 def _weighted(values: np.ndarray, texel: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    total = flush(values[texel[:, 0]] * weight[:, :1])
-    for k in (1, 2, 3):
-        total = flush(total + flush(values[texel[:, k]] * weight[:, k : k + 1]))
-    return total
+    """The sum over the four taps, (N, K) int64 below 2**56, in 2**-40."""
+    taps = (values[texel].astype(np.float64) * 2.0**_VALUE_BITS).astype(np.int64)
+    return (taps * weight[:, :, None]).sum(axis=1)
+
+
+def _rounded(total: np.ndarray, bits: int) -> np.ndarray:
+    """Sums of values times weights of so many bits after the point to float32: the only rounding, to nearest even."""
+    return total.astype(np.float32) * np.float32(2.0 ** -(_VALUE_BITS + bits))
 
 
 @quiet
 def sample(
     lightmaps: Lightmaps, values: np.ndarray, object_id: np.ndarray, uv: np.ndarray, lod: np.ndarray
 ) -> np.ndarray:
-    """Trilinear: values (texels of all levels, K) float32 at coordinates (N, 2) of objects (N,): (N, K) float32.
+    """Trilinear: values (texels of all levels, K), as `bilinear` takes them, at coordinates (N, 2) of objects (N,).
 
-    `uv` is in texels of level 0, `lod` (N,) an integer in 1/256 of a level as in GBUFFER. At 0 or below this is
-    `bilinear`, bit for bit; beyond the last level of the map, or the `deepest` one at the texel, it is that level.
-    Between two levels, with f = fraction / 256: (1 - f) a + f b, each of a and b read bilinearly, flushed at each step.
+    Returns (N, K) float32. `uv` is in texels of level 0, `lod` (N,) an integer in 1/256 of a level as in GBUFFER. At 0
+    or below this is `bilinear`, bit for bit; beyond the last level of the map, or the `deepest` one at the texel, it is
+    that level. Between two levels, with f = fraction / 256: (1 - f) a + f b, exact like a and b, and rounded once.
     """
     out = np.empty((len(uv), values.shape[1]), dtype=np.float32)
     near = lod <= 0
@@ -143,7 +149,7 @@ def sample(
         raise ValueError(f"{len(values)} values: all levels of these maps have {levels.total}")
     owner, place = object_id[far], uv[far]
     wanted = np.minimum(lod[far].astype(np.int64), _deepest(lightmaps, levels, owner, place) << 8)
-    fine, fraction = wanted >> 8, ((wanted & 255).astype(np.float32) * np.float32(1 / 256))[:, None]
+    fine, fraction = wanted >> 8, (wanted & 255)[:, None]
     a, b = (
         _weighted(
             values,
@@ -156,7 +162,9 @@ def sample(
         )
         for level in (fine, np.minimum(fine + 1, levels.count[owner]))
     )
-    out[far] = flush(flush(a * flush(np.float32(1) - fraction)) + flush(b * fraction))
+    # Below 2**64, so its bits are those of an unsigned number.
+    between = (256 - fraction).astype(np.uint64) * a.view(np.uint64) + fraction.astype(np.uint64) * b.view(np.uint64)
+    out[far] = _rounded(between, 2 * PLACE_BITS + 8)
     return out
 
 
@@ -165,7 +173,7 @@ def _deepest(lightmaps: Lightmaps, levels: Levels, owner: np.ndarray, uv: np.nda
     """The coarsest level that may be read at coordinates (N, 2) of maps (N,): (N,) int64."""
     if lightmaps.deepest is None:
         return levels.count[owner]
-    column, row = (np.floor(uv[:, axis]).astype(np.int64) for axis in (0, 1))
+    column, row = (float_to_fixed_down(uv[:, axis]).astype(np.int64) for axis in (0, 1))
     column = np.clip(column, 0, levels.width[owner, 0] - 1)
     row = np.clip(row, 0, levels.height[owner, 0] - 1)
     return lightmaps.deepest[levels.first[owner, 0] + row * levels.width[owner, 0] + column].astype(np.int64)
