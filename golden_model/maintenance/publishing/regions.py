@@ -38,6 +38,10 @@ class Regions:
     shown_in: np.ndarray
     """Regions that show each texel, ascending: none for a texel that nobody shows."""
 
+    def by_region(self) -> np.ndarray:
+        """The texels of level 0 as memory has them, region by region and row by row: (N,) int64."""
+        return np.argsort(self.of_texel, kind="stable")
+
     @property
     def count(self) -> int:
         """R."""

@@ -62,10 +62,10 @@ class Variability:
         """Bins of the last frame before they were widened, (N,) uint8."""
         self.scale = ONE
         """Factor of all thresholds, in 1/ONE, LEAST to MOST: a register."""
-        region = regions_of(lightmaps).of_texel
-        self._by_region = np.argsort(region, kind="stable")
-        self._first = np.flatnonzero(np.diff(region[self._by_region], prepend=-1))
-        self._of_texel = np.cumsum(np.diff(region[self._by_region], prepend=-1) != 0) - 1
+        regions = regions_of(lightmaps)
+        self._by_region = regions.by_region()
+        begins = np.diff(regions.of_texel[self._by_region], prepend=-1) != 0
+        self._first, self._of_texel = np.flatnonzero(begins), np.cumsum(begins) - 1
 
     def measure(self, state: np.ndarray, values: np.ndarray | None, valid: np.ndarray) -> np.ndarray:
         """TEXEL_STATE (N,), irradiance shown (N, 3) float32 and `valid` (N,) to bins (N,) uint8, before widening.

@@ -106,7 +106,7 @@ class Visibility:
     """Degrees of all texels, frame by frame; keeps the turn of those in doubt."""
 
     def __init__(self, windows: Windows, order: np.ndarray, policy: Policy):
-        """`order` (V,): the texels that exist, in the order in which doubts are decided."""
+        """`order` (V,): the texels that exist, in the order in which doubts are decided: that of memory."""
         self.windows, self.order, self.policy = windows, order, policy
         self.turn = RoundRobin()
 
