@@ -16,6 +16,9 @@ CLASSES = 16
 SHARE = 256
 """Shares of a frame's updates are given in 1/256."""
 
+REACH = 8
+"""Texels at most from one whose values decide on another's class: the regions around a texel's own hold all of them."""
+
 INFLUENCES = ("off", "volumes", "footprints")
 """How changes reach the maps: not, by volumes of influence ([0079] to [0082]), by rays that spread ([0083])."""
 
@@ -99,7 +102,7 @@ class Policy:
     notice_radius: int = number(
         2,
         1,
-        15,
+        (REACH - 1) // 2,
         "A change that is believed has level 2 to so many texels around, and level 1 to as many again; else level 1.",
     )
     notice_votes: int = number(
@@ -192,6 +195,10 @@ class Policy:
                 raise InputError(f"policy {name} {getattr(self, name)}: the thresholds must rise")
         if self.invalidate and not self.heavy_updates:
             raise InputError("policy invalidate: heavy_updates must be 1 or more, the first one drops the old value")
+        if self.dilation + self.guard + self.rings > REACH:
+            raise InputError(
+                f"policy dilation {self.dilation}, guard {self.guard} and rings {self.rings}: together at most {REACH}"
+            )
         if self.sweep + self.probe > SHARE:
             raise InputError(f"policy sweep {self.sweep} and probe {self.probe}: together at most {SHARE}")
 

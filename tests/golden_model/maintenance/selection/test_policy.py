@@ -37,6 +37,7 @@ def test_numbers_out_of_range_are_refused_by_name(name: str) -> None:
         ({"spread_bins": (5, 5, 9)}, "spread_bins"),
         ({"influence": "none"}, "influence none: must be one of off, volumes, footprints"),
         ({"sweep": 200, "probe": 57}, "together at most 256"),
+        ({"dilation": 3, "guard": 3, "rings": 3}, "together at most 8"),
         ({"invalidate": True, "heavy_updates": 0}, "heavy_updates"),
         ({"visibility_rays": 2.5}, "visibility_rays 2.5: must be whole, 0 to 65535"),
         ({"notice": 1}, "notice 1: must be True or False"),
