@@ -34,13 +34,16 @@ VOLUME, SHADOW, FOOTPRINT = range(3)
 LEVELS = 3
 """Change levels: an effect of `influence_least`, of 4 and of 16 times that."""
 
+JOINED_LEVEL = 1
+"""The change level of what stands for several changes."""
+
 
 def volumes(table: Table, before: Scene, after: Scene, policy: Policy) -> np.ndarray:
     """What became different from one frame's scene to the next: INFLUENCE (K,), K at most `influence_records`.
 
     First the volumes of what moved, then those of changed lights, then the shadows, each by object number. With
     "footprints" the first are left out: rays find what is near. Beyond the bound records are joined into the last one
-    of their kind, which errs towards more influence. None between equal scenes, and none with influence "off".
+    of their kind, which reaches more texels at a lower level. None between equal scenes, and none with influence "off".
     """
     if before is after or policy.influence == "off":
         return np.zeros(0, dtype=INFLUENCE)
@@ -146,13 +149,17 @@ def _shadow(item: Moved, light: Source, policy: Policy) -> np.ndarray:
 
 
 def joined(records: list[np.ndarray], most: int) -> list[np.ndarray]:
-    """At most `most` records of one kind; the ones beyond are joined into the last, `most` >= 1 where there are any."""
+    """At most `most` records of one kind; the ones beyond are joined into the last, `most` >= 1 where there are any.
+
+    What is around several things that changed is mostly empty: it reaches whom any of them reached, at the lowest
+    level, which gives texels an earlier turn and takes nothing from what they know.
+    """
     if len(records) <= most:
         return records
     last = records[most - 1].copy()
     for other in records[most:]:
         last["low"] = np.minimum(last["low"], other["low"])
-        for name in ("high", "reach_low", "reach_high", "level"):
+        for name in ("high", "reach_low", "reach_high"):
             last[name] = np.maximum(last[name], other[name])
         last["facing"] &= other["facing"]
         last["object"] = -1
@@ -160,6 +167,7 @@ def joined(records: list[np.ndarray], most: int) -> list[np.ndarray]:
         low = np.minimum(last["light"] - last["light_half"], other["light"] - other["light_half"])
         high = np.maximum(last["light"] + last["light_half"], other["light"] + other["light_half"])
         last["light"], last["light_half"] = (low + high) / 2, (high - low) / 2
+    last["level"] = JOINED_LEVEL
     if last["kind"] == SHADOW:
         last["low"] -= last["light_half"]
         last["high"] += last["light_half"]
