@@ -34,6 +34,7 @@ from lightloom.golden_model.rays.collector import MAINTENANCE, Collector, Packin
 from lightloom.golden_model.rays.surface_shading import Surfaces, ray_weights, readable, shade_fragments, shade_pixels
 from lightloom.golden_model.rays.waves import Waves, run_together
 from lightloom.golden_model.scene.coarse_geometry import coarse_links, fine_triangles
+from lightloom.golden_model.scene.light_unit import in_unit, light_exponent
 from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.lights import Lights, lights_of
 from lightloom.golden_model.scene.pinhole import View, look_at
@@ -85,7 +86,7 @@ class FrameResult:
     image: np.ndarray
     """Linear radiance, (H, W, 3) float32."""
     scene: Scene
-    """The scene of this frame."""
+    """The scene of this frame; its lights are in units of 2**`Renderer.exponent`."""
     view: View
     gbuffer: np.ndarray
     """GBUFFER (H, W)."""
@@ -141,6 +142,9 @@ class Renderer:
         require_light(scene)
         if self.sampling.direct != self.pipeline.shading.direct:
             raise InputError("direct: texels and pixels must find direct light in the same way, by maps or by rays")
+        self.exponent = light_exponent(scene)
+        """Of the unit in which `scene`, the maintained texels and the published maps hold light; pictures do not."""
+        scene = in_unit(scene, self.exponent)
         self.scene, self.width, self.height, self.seed = scene, width, height, seed
         self.machine = machine or Machine()
         self.budget = budget
@@ -175,7 +179,7 @@ class Renderer:
 
     @property
     def published(self) -> np.ndarray:
-        """The newest version of the maps, PUBLISHED_TEXEL (texels of all levels,)."""
+        """The newest version of the maps, PUBLISHED_TEXEL (texels of all levels,), in units of 2**`exponent`."""
         return self.chain.read(self.chain.newest)
 
     def _prime(self, scene: Scene) -> FlipChain:
@@ -331,7 +335,8 @@ class Renderer:
                 rays.receive(collector)
         with clock("blend picture"):
             weight = ray_weights(surfaces, drawn.gbuffer)
-            return blend_frame(raster, rays.buffer.values(), weight, self.pipeline.blend), rays.figures
+            image = blend_frame(raster, rays.buffer.values(), weight, self.pipeline.blend)
+            return np.ldexp(image, self.exponent), rays.figures
 
     def _fragments(self, surfaces: Surfaces, drawn: "_Drawn") -> np.ndarray:
         """What fragment shading finds at each pixel, (H, W, 3) float32.

@@ -8,6 +8,7 @@ import numpy as np
 from lightloom.golden_model.contract.formats import TEXEL_STATE
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.maintenance.drift import departures
+from lightloom.golden_model.maintenance.publishing.publisher import LARGEST_HALF
 from lightloom.golden_model.maintenance.sampling.gather import Gathered, World, gather
 from lightloom.golden_model.maintenance.sampling.running_average import blend_texels, drop, mark_heavy
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
@@ -31,6 +32,8 @@ class Maintenance:
     rays: dict[str, int]
     """Rays traced by kind: "indirect", "specular" (on from mirrors and glass), "shadow", "visibility", "footprints";
     together at most the budget."""
+    clipped: int
+    """Samples of rays, and averages of updated texels, that were brighter than the formats hold: light that is lost."""
     plan: Plan
     """Why these texels."""
 
@@ -85,6 +88,7 @@ class Maintainer:
         drifting = self._drifting_maps()
         rays = Counter(plan.rays)
         waiting = np.concatenate([plan.texel, plan.spare])
+        clipped = 0
         samples = [(waiting[:0], self.state["irradiance"][:0], self.state["irradiance"][:0])]
         updated = 0
         while count := self._admitted(world, budget - rays.total(), len(waiting) - updated):
@@ -97,12 +101,13 @@ class Maintainer:
             gathered = yield from self._update(world, texel, context.frame, collector, clock)
             samples.append((texel[known], before[known], gathered.irradiance[known]))
             rays.update(gathered.rays)
+            clipped += gathered.clipped + int((self.state["irradiance"][texel] > LARGEST_HALF).any(axis=1).sum())
             updated += count
         if self.policy.drift:
             with clock("blend"):
                 self._observe_departures(samples, world.fraction)
         self.selector.spend(plan, updated - len(plan.texel))
-        return Maintenance(texels=waiting[:updated], dropped=dropped, rays=dict(rays), plan=plan)
+        return Maintenance(texels=waiting[:updated], dropped=dropped, rays=dict(rays), clipped=clipped, plan=plan)
 
     def _admitted(self, world: World, rays: int, waiting: int) -> int:
         """Of `waiting` texels, how many are surely admitted if `rays` are left, whatever each of them takes.

@@ -21,6 +21,7 @@ from lightloom.golden_model.maintenance.sampling.texel_rays import Update
 from lightloom.golden_model.rays.collector import collector_of
 from lightloom.golden_model.rays.surface_shading import Surfaces, readable
 from lightloom.golden_model.rays.waves import run_together
+from lightloom.golden_model.scene.light_unit import in_unit, light_exponent
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.lights import lights_of
 from lightloom.golden_model.scene.pose import moved_records, scene_at
@@ -60,6 +61,7 @@ class Reference:
         """
         if rays & (rays - 1) or not ROUNDS <= rays <= ROUNDS * 4096:
             raise InputError(f"reference rays {rays}: must be a power of two, {ROUNDS} to {ROUNDS * 4096}")
+        scene = in_unit(scene, light_exponent(scene))
         self.scene, self.lightmaps, self.seed = scene, lightmaps, seed
         directions = rays // ROUNDS
         self.sampling = Sampling(directions=directions, light_samples=max(directions // 2, 1))
@@ -73,7 +75,7 @@ class Reference:
         self._state = np.zeros(len(lightmaps.texels), dtype=TEXEL_STATE)
 
     def published(self, frame: int, precise: np.ndarray | None = None) -> np.ndarray:
-        """The converged maps of a frame: PUBLISHED_TEXEL (texels of all levels,).
+        """The converged maps of a frame: PUBLISHED_TEXEL (texels of all levels,), in the scene's unit of light.
 
         `precise` names the texels that are looked at, (K,): these get all rays, the others `COARSE_RAYS` at most,
         enough for what they send on to many. None: all texels are precise.

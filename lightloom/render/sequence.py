@@ -12,6 +12,7 @@ from PIL import Image
 from lightloom.gen.pages.timeline import timeline
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import PUBLISHED_TEXEL, TEXEL_STATE
+from lightloom.golden_model.host.errors import warn
 from lightloom.golden_model.machine.cost_model import FrameCounts
 from lightloom.golden_model.machine.schedule import Schedule, schedule
 from lightloom.golden_model.pictures.images import atlas, exposure_for, tonemap, write_exr, write_film, write_png
@@ -112,6 +113,8 @@ def render_sequence(
     plan = schedule(renderer.machine, counts)
     (folder / "timeline.svg").write_text(timeline(plan, *_last_frames(plan)), encoding="utf-8")
     assert exposure is not None
+    if clipped := sum(row["clipped"] for row in rows):
+        warn(f"{clipped} samples and texels were brighter than the lightmaps hold, so the picture is too dark there")
     return {
         "scene": renderer.scene.name,
         "triangles": len(renderer.scene.triangles),
@@ -171,6 +174,7 @@ def _figures(result: FrameResult, renderer: Renderer) -> dict[str, Any]:
         "budget": result.budget,
         "texels": len(result.maintenance.texels),
         "rays": result.maintenance.rays,
+        "clipped": result.maintenance.clipped,
         "frame_rays": asdict(result.frame_rays),
         "sampled": float(sampled.mean()) if len(sampled) else 1.0,
         "seconds": sum(result.seconds.values()),
@@ -203,9 +207,10 @@ def write_lightmaps(stem: Path, renderer: Renderer, exposure: float) -> None:
     Brightness in the PNG is that of a white surface under the irradiance, at the exposure of the frames.
     """
     maps = renderer.lightmaps
-    rgba = renderer.published["rgba"][: len(maps.texels)]
+    rgba = renderer.published["rgba"][: len(maps.texels)].astype(np.float32)
+    rgba[:, :3] = np.ldexp(rgba[:, :3], renderer.exponent)
     write_exr(stem.with_suffix(".exr"), atlas(maps, rgba))
-    irradiance = np.where(maps.fill[:, None] >= 0, rgba[:, :3].astype(np.float32), 0)
+    irradiance = np.where(maps.fill[:, None] >= 0, rgba[:, :3], 0)
     colour = tonemap(irradiance[:, None], 0.7 * exposure / PI)[:, 0]
     picture = np.concatenate([colour, np.full((len(colour), 1), 255, np.uint8)], axis=1)
     picture[rgba[:, 3] == 0] = UNSAMPLED

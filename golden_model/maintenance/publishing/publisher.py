@@ -11,13 +11,11 @@ import numpy as np
 from lightloom.golden_model.contract.formats import PUBLISHED_TEXEL, TEXEL_STATE
 from lightloom.golden_model.maintenance.publishing.mipmaps import renew_levels
 from lightloom.golden_model.maintenance.publishing.regions import regions_of
-from lightloom.golden_model.numerics.floats import float_to_half, flush, quiet
+from lightloom.golden_model.numerics.floats import float_minmax, float_to_half, flush, quiet
 from lightloom.golden_model.scene.lightmap import Lightmaps, filled
 
 LARGEST_HALF = np.float32(65504)
-
-LEAST_EXPONENT, MOST_EXPONENT = -24, 24
-"""Range of the exponent of published values."""
+"""Brighter irradiance is published as this."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,11 +39,8 @@ class Publisher:
     not sampled).
     """
 
-    def __init__(self, lightmaps: Lightmaps, exponent: int = 0):
-        """`exponent`: published values are irradiance / 2**exponent, so that binary16 fits the scene's light."""
-        if not LEAST_EXPONENT <= exponent <= MOST_EXPONENT:
-            raise ValueError(f"exponent {exponent}: must be {LEAST_EXPONENT} to {MOST_EXPONENT}")
-        self.lightmaps, self.exponent = lightmaps, exponent
+    def __init__(self, lightmaps: Lightmaps):
+        self.lightmaps = lightmaps
         self.regions = regions_of(lightmaps)
         self._note_samples(np.zeros(len(lightmaps.texels), dtype=np.bool_))
 
@@ -54,7 +49,7 @@ class Publisher:
         regions = self.regions
         self._note_samples(state["count"] > 0)
         published = np.zeros(regions.levels.total, dtype=PUBLISHED_TEXEL)
-        published["rgba"][: len(state)] = publish(self.lightmaps, state, self.exponent)["rgba"]
+        published["rgba"][: len(state)] = publish(self.lightmaps, state)["rgba"]
         renew_levels(regions, published["rgba"], np.arange(regions.count))
         return published
 
@@ -115,7 +110,7 @@ class Publisher:
             smooth = pull_push(state["irradiance"][part].reshape(*shape, 3), self._sampled[part].reshape(shape))
             inside = (source >= part.start) & (source < part.stop)
             value[inside] = smooth.reshape(-1, 3)[source[inside] - part.start]
-        rgba = _packed(value, state["count"][source] > 0, self.exponent)
+        rgba = _packed(value, state["count"][source] > 0)
         return np.where((fill >= 0)[:, None], rgba, np.float16(0))
 
     def _parts(self, maps: np.ndarray) -> list[tuple[slice, tuple[int, int]]]:
@@ -134,17 +129,8 @@ def apply(difference: Difference, published: np.ndarray) -> None:
     published["rgba"][difference.texel] = difference.rgba
 
 
-def exponent_for(fraction: int) -> int:
-    """The publisher's exponent for a scene whose accumulators have `fraction` bits after the point (0 to 31).
-
-    Irradiance as bright as the scene's brightest emission is published as 8 to 16: 4096 times as much fits in binary16,
-    and down to 2**-17 of it no bit of binary16's eleven is lost.
-    """
-    return 17 - fraction
-
-
-def publish(lightmaps: Lightmaps, state: np.ndarray, exponent: int = 0) -> np.ndarray:
-    """Level 0 alone: TEXEL_STATE (N,) to PUBLISHED_TEXEL (N,), irradiance / 2**exponent in binary16, never infinite.
+def publish(lightmaps: Lightmaps, state: np.ndarray) -> np.ndarray:
+    """Level 0 alone: TEXEL_STATE (N,) to PUBLISHED_TEXEL (N,), irradiance in binary16, never infinite.
 
     Texels that have not been sampled yet take a value from the sampled ones around them (`pull_push`), weight 0. Empty
     and buried texels repeat the texel that `fill` names, so that a bilinear read at a chart's border sees no black.
@@ -158,15 +144,15 @@ def publish(lightmaps: Lightmaps, state: np.ndarray, exponent: int = 0) -> np.nd
             known = sampled[part].reshape(height, width)
             value[part] = pull_push(value[part].reshape(height, width, 3), known).reshape(-1, 3)
     out = np.zeros(len(state), dtype=PUBLISHED_TEXEL)
-    out["rgba"] = filled(lightmaps, _packed(value, sampled, exponent))
+    out["rgba"] = filled(lightmaps, _packed(value, sampled))
     return out
 
 
 @quiet
-def _packed(value: np.ndarray, sampled: np.ndarray, exponent: int) -> np.ndarray:
+def _packed(value: np.ndarray, sampled: np.ndarray) -> np.ndarray:
     """Irradiance (M, 3) float32 and a weight (M,) bool to binary16 (M, 4)."""
-    scaled = np.minimum(flush(np.ldexp(value, -exponent)), LARGEST_HALF)
-    return float_to_half(np.concatenate([scaled, sampled[:, None].astype(np.float32)], axis=1))
+    kept = float_minmax(value, np.asarray(LARGEST_HALF))
+    return float_to_half(np.concatenate([kept, sampled[:, None].astype(np.float32)], axis=1))
 
 
 @quiet

@@ -4,6 +4,7 @@ import numpy as np
 
 from lightloom.golden_model.numerics.floats import fixed64_to_float, float_to_fixed
 from lightloom.golden_model.numerics.sample_spread import LUMINANCE_BITS, luminance
+from lightloom.golden_model.scene.light_unit import around_point_lights
 from lightloom.golden_model.scene.scene import Scene
 
 HEADROOM_BITS = 10
@@ -30,10 +31,13 @@ def fraction_bits(scene: Scene, balanced: bool) -> int:
     if scene.brightest > 0:
         exponents.append(int(np.frexp(scene.brightest)[1]) + (BALANCED_HEADROOM_BITS if balanced else HEADROOM_BITS))
     if len(scene.point_lights):
-        corners = scene.corners.reshape(-1, 3)
-        distance = float((corners.max(axis=0) - corners.min(axis=0)).max()) / 2
-        exponents.append(int(np.frexp(scene.brightest_lights / (distance * distance))[1]) + HEADROOM_BITS)
+        exponents.append(int(np.frexp(around_point_lights(scene))[1]) + HEADROOM_BITS)
     return int(np.clip(31 - max(exponents, default=0), 0, 31))
+
+
+def beyond(contribution: np.ndarray, fraction: int) -> int:
+    """How many contributions of rays (R, 3) float32 saturate, in any colour: light that gets lost."""
+    return int(np.count_nonzero((contribution >= np.float32(2.0 ** (31 - fraction))).any(axis=1)))
 
 
 def accumulate(slot: np.ndarray, contribution: np.ndarray, slots: int, fraction: int) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 
 from lightloom.golden_model.contract.formats import SAMPLE_SUMS
 from lightloom.golden_model.host.stopwatch import Stopwatch
-from lightloom.golden_model.maintenance.sampling.accumulate import accumulate, irradiance, luminance_sums
+from lightloom.golden_model.maintenance.sampling.accumulate import accumulate, beyond, irradiance, luminance_sums
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.sampling.texel_rays import (
     TexelRays,
@@ -62,6 +62,8 @@ class Gathered:
     """Bits after the point of the totals."""
     rays: dict[str, int]
     """Rays traced by kind: "indirect", "specular" (on from mirrors and glass), "shadow"."""
+    clipped: int
+    """Contributions of rays that were brighter than the accumulators hold."""
 
     @property
     def irradiance(self) -> np.ndarray:
@@ -173,4 +175,4 @@ def _added_up(
     for k, group in enumerate(((rays.indirect_slot, indirect), (slot, light))):
         sums["sums"][:, k], sums["squares"][:, k] = luminance_sums(*group, texels, fraction)
     sums["rays"][:, 0], sums["rays"][:, 1] = rays.directions, rays.light_samples
-    return Gathered(sums=sums, fraction=fraction, rays=traced)
+    return Gathered(sums=sums, fraction=fraction, rays=traced, clipped=beyond(both[1], fraction))

@@ -1,13 +1,12 @@
 """Publishing: binary16, filling of what has not been sampled and of what never is, region by region."""
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lightloom.golden_model.charts.buried import nearest_valid
 from lightloom.golden_model.contract.formats import TEXEL, TEXEL_STATE
-from lightloom.golden_model.maintenance.publishing.publisher import Publisher, apply, exponent_for, publish, pull_push
+from lightloom.golden_model.maintenance.publishing.publisher import Publisher, apply, publish, pull_push
 from lightloom.golden_model.scene.lightmap import BURIED, EMPTY, VALID, Lightmaps
 
 
@@ -176,15 +175,3 @@ def test_the_steady_state_is_local_and_the_first_frames_are_not() -> None:
     apply(publisher.difference(published, state, np.arange(4000, 4096)), published)
     state["irradiance"][5] = 4
     assert publisher.difference(published, state, np.array([5])).region.tolist() == [0]
-
-
-def test_the_exponent_takes_light_of_any_unit_into_binary16() -> None:
-    for unit in (2.0**-14, 1.0, 2.0**14):
-        fraction = 21 - int(np.frexp(unit)[1])
-        values = (np.random.default_rng(4).uniform(2.0**-16, 1, (64, 3)) * unit).astype(np.float32)
-        exponent = exponent_for(fraction)
-        out = Publisher(maps_of([(8, 8)]), exponent).everything(state_of(values))["rgba"][:64, :3]
-        back = np.ldexp(out.astype(np.float32), exponent)
-        assert (np.abs(back - values) <= values * 2.0**-11).all(), unit
-    with pytest.raises(ValueError, match="exponent 99"):
-        Publisher(maps_of([(8, 8)]), 99)

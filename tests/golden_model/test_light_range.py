@@ -1,0 +1,90 @@
+"""Scenes that are a billion times darker or brighter: the same picture, as many times darker or brighter."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lightloom.golden_model.contract.formats import POINT_LIGHT
+from lightloom.golden_model.oracle.converged_maps import Reference
+from lightloom.golden_model.rays.surface_shading import readable
+from lightloom.golden_model.renderer import Renderer
+from lightloom.golden_model.scene.files.cornell_box import cornell_box
+from lightloom.golden_model.scene.keyframes import LightKey, LightPath
+from lightloom.golden_model.scene.light_unit import around_point_lights, light_exponent
+from lightloom.golden_model.scene.scene import Scene
+
+COARSE = replace(cornell_box(), texel_size=50.0)
+SIZE: dict[str, Any] = {"width": 24, "height": 20, "budget": 4000}
+BRIGHTEST = COARSE.brightest
+
+
+def shining(radiance: float) -> Scene:
+    """The Cornell box whose lamp has its colour, and a brightest channel of `radiance`."""
+    return replace(COARSE, emission=(COARSE.emission.astype(np.float64) * (radiance / BRIGHTEST)).astype(np.float32))
+
+
+def with_point_light(intensity: float) -> Scene:
+    """The Cornell box with its lamp off and a point light in the middle, half as bright in frame 1."""
+    light = np.zeros(1, dtype=POINT_LIGHT)
+    light["position"], light["intensity"] = (278, 400, 280), intensity
+    keys = tuple(
+        LightKey(frame=k, position=light["position"][0], intensity=light["intensity"][0] / np.float32(1 + k))
+        for k in (0, 1)
+    )
+    return replace(COARSE, emission=COARSE.emission * 0, point_lights=light, light_path=(LightPath(keys=keys),))
+
+
+def pictures(scene: Scene, frames: int = 2) -> np.ndarray:
+    renderer = Renderer(scene, **SIZE)
+    return np.stack([renderer.frame().image for _ in range(frames)]).astype(np.float64)
+
+
+@pytest.mark.parametrize("radiance", [1e-6, 1e-3, 1e6, 1e7, 1e30])
+def test_energy_is_that_of_the_usual_scene(radiance: float) -> None:
+    usual, found = pictures(shining(BRIGHTEST)), pictures(shining(radiance))
+    assert found.sum() / usual.sum() == pytest.approx(radiance / BRIGHTEST, rel=0.01)
+    lit = usual > np.median(usual) / 4
+    assert found[lit] == pytest.approx(usual[lit] * (radiance / BRIGHTEST), rel=0.02)
+
+
+@pytest.mark.parametrize("intensity", [1e-9, 1e3, 1e12])
+def test_energy_of_point_lights_too(intensity: float) -> None:
+    usual, found = pictures(with_point_light(1e6), 8), pictures(with_point_light(intensity), 8)
+    assert found.sum() / usual.sum() == pytest.approx(intensity / 1e6, rel=0.01)
+    assert found[-1].sum() < 0.9 * found[0].sum(), "the path is in the unit too"
+
+
+def test_beyond_the_range_a_factor_of_two_is_exact() -> None:
+    """Two scenes that are brought into the range become the same: all bits of the pictures, but for the exponent."""
+    for one, two in ((3e7, 6e7), (1e-7, 2e-7)):
+        assert light_exponent(shining(two)) == light_exponent(shining(one)) + 1
+        assert (pictures(shining(two)) == 2 * pictures(shining(one))).all()
+
+
+def test_what_is_in_range_stays_as_it_is() -> None:
+    for radiance in (2.0**-5, 1.0, 18.0, 2.0**13.9):
+        assert light_exponent(shining(radiance)) == 0, radiance
+    assert light_exponent(shining(2.0**14)) == 1
+    assert light_exponent(shining(2.0**-5.1)) == -1
+    assert around_point_lights(with_point_light(1e6)) < 2**6
+    assert light_exponent(with_point_light(1e6)) == 0
+
+
+def test_light_that_no_format_holds_is_counted() -> None:
+    """A thousandth of the room away from its floor a point light is too bright; elsewhere nothing is clipped."""
+    near = with_point_light(1e6)
+    near.point_lights["position"] = (278, 0.6, 280)
+    for scene, clipped in ((replace(near, light_path=()), True), (with_point_light(1e6), False), (COARSE, False)):
+        renderer = Renderer(scene, **SIZE)
+        assert (sum(renderer.frame().maintenance.clipped for _ in range(20)) > 0) == clipped
+
+
+def test_the_reference_is_in_the_same_unit() -> None:
+    scene = shining(1e7)
+    renderer = Renderer(scene, **SIZE)
+    maps = Reference(scene, renderer.lightmaps, rays=32).published(0)
+    assert np.isfinite(readable(maps)).all()
+    shown = renderer.picture(renderer.frame(), maps).astype(np.float64)
+    assert shown.sum() / pictures(scene, 1).sum() == pytest.approx(1, rel=0.1)
