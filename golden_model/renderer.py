@@ -24,7 +24,7 @@ from lightloom.golden_model.machine.cost_model import FrameCounts, Machine, RayC
 from lightloom.golden_model.maintenance.maintainer import Maintainer, Maintenance
 from lightloom.golden_model.maintenance.publishing.flip_chain import FlipChain
 from lightloom.golden_model.maintenance.publishing.publisher import Publisher
-from lightloom.golden_model.maintenance.sampling.accumulate import fraction_bits, light_of, settled
+from lightloom.golden_model.maintenance.sampling.accumulate import at_rest, fraction_bits, light_of, settled
 from lightloom.golden_model.maintenance.sampling.gather import World
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.selection.policy import Policy
@@ -185,23 +185,33 @@ class Renderer:
     def _prime(self, scene: Scene) -> FlipChain:
         """Makes the version that the first frames read.
 
-        The texels that one frame's budget pays for, a coarse lattice over all maps, are sampled `priming` times over,
+        First the texels that one frame's budget pays for, a coarse lattice over all maps, are sampled over and over,
         each time anew from what the round before has published: one more bounce of light a round, until what is missing
         is too little to matter. Without this the texels of the first frames would hold less light than those sampled
-        later, the lattice would be seen, and the averages would need a hundred updates to make up for it.
+        later, the lattice would be seen, and the averages would need a hundred updates to make up for it. Then the
+        rounds go on to the texels that follow, and round all of them until that changes their light no more: what
+        lights a scene is often small, or seen by nobody, and a coarse lattice knows little of it.
         """
         published = self.publisher.everything(self.state)
         totals: list[int] = []
+        sweeps: list[int] = []
+        valid = self.maintainer.selector.order
+        first = 0
         for _ in range(self.sampling.priming):
             world = self._world(scene, published)
             collector, clock = self._collector(scene), Stopwatch()
-            prime = self.maintainer.prime(world, self.budget, collector, clock)
+            prime = self.maintainer.prime(world, first, self.budget, collector, clock)
             ((texels, rays),) = run_together(collector, clock, prime)
             published = self.publisher.everything(self.state)
             self.priming_rays += sum(rays.values())
             totals.append(light_of(self.state["irradiance"][texels], self.fraction))
-            if settled(totals):
-                break
+            if first == 0 and not settled(totals):
+                continue
+            first += len(texels)
+            if first // max(len(valid), 1) > len(sweeps):
+                sweeps.append(light_of(self.state["irradiance"][valid], self.fraction))
+                if at_rest(sweeps):
+                    break
         chain = FlipChain(published, self.pipeline.versions)
         nothing = np.zeros(0, dtype=np.int64)
         for version in range(1, self.pipeline.versions - 1):

@@ -53,19 +53,23 @@ class Maintainer:
         """To which side the samples of each map departed from their averages, in the last two frames."""
 
     def prime(
-        self, world: World, budget: int, collector: Collector, clock: Stopwatch
+        self, world: World, first: int, budget: int, collector: Collector, clock: Stopwatch
     ) -> Waves[tuple[np.ndarray, dict[str, int]]]:
-        """One round before the first frame: the first texels of the order, as many as a frame pays for, sampled anew.
+        """One round before the first frame: the texels from place `first` of the order on, as many as a frame pays for.
 
-        Values of an earlier round are dropped. Returns the texels and the rays traced by kind.
+        After the last comes the first again, so `first` may be any number. They are sampled anew: what earlier rounds
+        found of them is dropped. Rounds from place 0 on all take the same rays, so that their light can be compared.
+        Returns the texels and the rays traced by kind.
         """
-        self.state["count"] = 0
-        self.state["number"] = 0
-        waiting = self.selector.order[: budget // self.sampling.directions]
+        if first == 0:
+            self.state["number"] = 0
+        order = self.selector.order
+        waiting = np.roll(order, -(first % max(len(order), 1)))[: budget // self.sampling.directions]
         rays: Counter[str] = Counter()
         updated = 0
         while count := self._admitted(world, budget - rays.total(), len(waiting) - updated):
             texel = waiting[updated : updated + count]
+            drop(self.state, texel)
             gathered = yield from self._update(world, texel, 0, collector, clock)
             rays.update(gathered.rays)
             updated += count

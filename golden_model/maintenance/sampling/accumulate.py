@@ -16,6 +16,8 @@ BALANCED_HEADROOM_BITS = 6
 than twenty times what the brightest light emits, in one ray."""
 SETTLED_BITS = 10
 """Light is settled if less than 2**-SETTLED_BITS of it is still to come."""
+REST_BITS = 7
+"""All light is at rest if sampling every texel anew changes it by less than 2**-REST_BITS of it."""
 _LUMINANCE_SHIFT = 4
 """A contribution's luminance is added up in units of 4 of the accumulators' (and is the mean of four parts)."""
 
@@ -83,6 +85,14 @@ def settled(totals: list[int]) -> bool:
         return False
     before, last = totals[-2] - totals[-3], totals[-1] - totals[-2]
     return last <= 0 or (last < before and (last * last << SETTLED_BITS) < totals[-1] * (before - last))
+
+
+def at_rest(sweeps: list[int]) -> bool:
+    """Whether the light of all texels, after each time that all were sampled anew, changed little the last time.
+
+    By less than 2**-REST_BITS of it, which is what the noise of some thousand texels comes to.
+    """
+    return len(sweeps) > 1 and abs(sweeps[-1] - sweeps[-2]) << REST_BITS < sweeps[-1]
 
 
 def irradiance(total: np.ndarray, fraction: np.ndarray | int) -> np.ndarray:

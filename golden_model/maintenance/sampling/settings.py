@@ -32,7 +32,7 @@ class Sampling:
     blending: Blending = field(default_factory=Blending)
     """How it weighs against the old value."""
     priming: int = number(
-        32, 0, None, "Rounds before the first frame at most, each within one frame's budget; see `Renderer`."
+        64, 0, None, "Rounds before the first frame at most, each within one frame's budget; see `Renderer`."
     )
 
     def __post_init__(self) -> None:
