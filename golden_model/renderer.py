@@ -24,6 +24,7 @@ from lightloom.golden_model.machine.cost_model import FrameCounts, Machine, RayC
 from lightloom.golden_model.maintenance.maintainer import Maintainer, Maintenance
 from lightloom.golden_model.maintenance.publishing.flip_chain import FlipChain
 from lightloom.golden_model.maintenance.publishing.publisher import Publisher
+from lightloom.golden_model.maintenance.publishing.smoothing import Smoother
 from lightloom.golden_model.maintenance.sampling.accumulate import at_rest, fraction_bits, light_of, settled
 from lightloom.golden_model.maintenance.sampling.gather import World
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
@@ -58,6 +59,8 @@ class Pipeline:
     """The rays of the frame itself. Its `direct` must be that of the `Sampling`."""
     filtered: bool = True
     """Whether pixels read the lightmaps with their level of detail."""
+    smoothing: bool = True
+    """Whether pixels and rays read the maps smoothed by as much as each texel is uncertain; their averages are not."""
     packing: Packing = field(default_factory=Packing)
     """How the collector groups rays."""
     blend: str = "both"
@@ -165,7 +168,7 @@ class Renderer:
         self.textures = build_textures(scene.textures)
         self.fraction = fraction_bits(scene, self.sampling.balanced)
         self.maintainer = Maintainer(lightmaps, scene, self.sampling, self.policy, seed)
-        self.publisher = Publisher(lightmaps)
+        self.publisher = Publisher(lightmaps, Smoother(lightmaps) if self.pipeline.smoothing else None)
         self.next_frame = 0
         """Number of the frame that `frame` renders next."""
         self.priming_rays = 0

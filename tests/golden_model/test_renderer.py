@@ -81,7 +81,7 @@ def test_rays_that_were_not_needed_pay_for_further_texels() -> None:
 @pytest.mark.parametrize("versions", [1, 2, 4])
 def test_what_a_frame_finds_is_shown_by_a_later_one(versions: int) -> None:
     """Version k of the maps is shown in frame k; a chain of one samples before it shades ([0085])."""
-    pipeline = Pipeline(versions=versions)
+    pipeline = Pipeline(versions=versions, smoothing=False)
     renderer = Renderer(COARSE, budget=2000, pipeline=pipeline, **SIZE)
     made = [renderer.published] * max(versions - 1, 0)
     for number in range(6):

@@ -1,7 +1,8 @@
 """Makes the versions of the lightmaps that shaders read ([0084], [0085]): binary16, filled, with coarser levels.
 
 A region of 8 x 8 texels is rewritten once in a frame, when the last of the updates that it shows has been blended; its
-levels follow, then the levels above the regions. What is left alone has the bits that publishing everything would give.
+levels follow, then the levels above the regions. Without smoothing (`smoothing`), what is left alone has the bits that
+publishing everything would give.
 """
 
 from dataclasses import dataclass
@@ -11,7 +12,8 @@ import numpy as np
 from lightloom.golden_model.contract.formats import PUBLISHED_TEXEL, TEXEL_STATE
 from lightloom.golden_model.maintenance.publishing.mipmaps import renew_levels
 from lightloom.golden_model.maintenance.publishing.regions import regions_of
-from lightloom.golden_model.numerics.floats import float_minmax, float_to_half, flush, quiet
+from lightloom.golden_model.maintenance.publishing.smoothing import Smoother
+from lightloom.golden_model.numerics.floats import float_minmax, float_to_half, flush, half_to_float, quiet
 from lightloom.golden_model.scene.lightmap import Lightmaps, filled
 
 LARGEST_HALF = np.float32(65504)
@@ -39,8 +41,10 @@ class Publisher:
     not sampled).
     """
 
-    def __init__(self, lightmaps: Lightmaps):
-        self.lightmaps = lightmaps
+    def __init__(self, lightmaps: Lightmaps, smoother: Smoother | None = None):
+        """With a `smoother` of the same lightmaps what is published is smoothed; the state never is."""
+        self.lightmaps, self.smoother = lightmaps, smoother
+        self._plain = np.zeros((len(lightmaps.texels), 3), dtype=np.float32)  # what texels show without it
         self.regions = regions_of(lightmaps)
         self._note_samples(np.zeros(len(lightmaps.texels), dtype=np.bool_))
 
@@ -49,12 +53,17 @@ class Publisher:
         regions = self.regions
         self._note_samples(state["count"] > 0)
         published = np.zeros(regions.levels.total, dtype=PUBLISHED_TEXEL)
-        published["rgba"][: len(state)] = publish(self.lightmaps, state)["rgba"]
+        self._plain = publish(self.lightmaps, state)["rgba"][:, :3].astype(np.float32)
+        published["rgba"][: len(state)] = self._values(state, np.arange(len(state)))
         renew_levels(regions, published["rgba"], np.arange(regions.count))
         return published
 
     def difference(self, before: np.ndarray, state: np.ndarray, texel: np.ndarray) -> Difference:
-        """What turns the version `before` into the one that shows `state`: `everything(state)`, bit for bit.
+        """What turns the version `before` into the one that shows `state`.
+
+        Without a smoother that is `everything(state)`, bit for bit. With one it is so in the regions that are written:
+        those that show a texel named here. A region nearby keeps what it shows, though smoothing would find it changed
+        a little, until a texel of its own changes.
 
         `before` is PUBLISHED_TEXEL (texels of all levels,) as this publisher made it last. `texel` (M,) names every
         texel whose state has changed since, in the order of the updates; naming others too only costs time.
@@ -71,7 +80,8 @@ class Publisher:
         written = np.flatnonzero(ready)
         rgba = before["rgba"].copy()
         level0 = self.regions.texels(written)
-        rgba[level0] = self._values(state, level0, unknown)
+        self._renew(state, texel, unknown)
+        rgba[level0] = self._values(state, level0)
         changed = np.concatenate([level0, renew_levels(self.regions, rgba, written)])
         order = written[np.argsort(ready[written], kind="stable")]
         return Difference(region=order, ready=ready[order], texel=changed, rgba=rgba[changed])
@@ -101,16 +111,21 @@ class Publisher:
             found.append(self.regions.of_texel[part][(fill >= 0) & ~self._sampled[np.maximum(fill, 0)]])
         return np.unique(np.concatenate(found))
 
-    def _values(self, state: np.ndarray, texel: np.ndarray, unknown: np.ndarray) -> np.ndarray:
-        """Published values of texels of level 0 (M,): (M, 4) binary16. `unknown`: maps that need `pull_push`."""
-        fill = self.lightmaps.fill[texel]
-        source = np.maximum(fill, 0)
-        value = state["irradiance"][source]
+    def _renew(self, state: np.ndarray, texel: np.ndarray, unknown: np.ndarray) -> None:
+        """Brings up to date what texels show without smoothing: those named (M,), and all of the maps `unknown`."""
+        self._plain[texel] = _in_half(state["irradiance"][texel])
         for part, shape in self._parts(unknown):
-            smooth = pull_push(state["irradiance"][part].reshape(*shape, 3), self._sampled[part].reshape(shape))
-            inside = (source >= part.start) & (source < part.stop)
-            value[inside] = smooth.reshape(-1, 3)[source[inside] - part.start]
-        rgba = _packed(value, state["count"][source] > 0)
+            whole = pull_push(state["irradiance"][part].reshape(*shape, 3), self._sampled[part].reshape(shape))
+            self._plain[part] = _in_half(whole.reshape(-1, 3))
+
+    def _values(self, state: np.ndarray, texel: np.ndarray) -> np.ndarray:
+        """Published values of texels of level 0 (M,): (M, 4) binary16."""
+        fill = self.lightmaps.fill[texel]
+        source, shown_by = np.unique(np.maximum(fill, 0), return_inverse=True)
+        value = self._plain[source]
+        if self.smoother is not None:
+            value = self.smoother.smoothed(self._plain, state, source)
+        rgba = _packed(value, state["count"][source] > 0)[shown_by]
         return np.where((fill >= 0)[:, None], rgba, np.float16(0))
 
     def _parts(self, maps: np.ndarray) -> list[tuple[slice, tuple[int, int]]]:
@@ -153,6 +168,11 @@ def _packed(value: np.ndarray, sampled: np.ndarray) -> np.ndarray:
     """Irradiance (M, 3) float32 and a weight (M,) bool to binary16 (M, 4)."""
     kept = float_minmax(value, np.asarray(LARGEST_HALF))
     return float_to_half(np.concatenate([kept, sampled[:, None].astype(np.float32)], axis=1))
+
+
+def _in_half(value: np.ndarray) -> np.ndarray:
+    """Irradiance (M, 3) as binary16 holds it, float32."""
+    return half_to_float(float_to_half(float_minmax(value, np.asarray(LARGEST_HALF))))
 
 
 @quiet

@@ -1,0 +1,166 @@
+"""Smooths what is read of the maps, by as much as each texel is uncertain; what is maintained stays as it was sampled.
+
+A texel's average of a few samples is noisy, and the noise of neighbours is independent. Two passes over the texels of
+a chart, with neighbours one and two texels away, take from each neighbour a part of its difference:
+
+    out = I_p + sum of w_pq (I_q - I_p)
+
+Weights are large where the two differ by no more than their noise explains, and small at edges of light. They are the
+same in both directions but for the better known texel being moved less, so light goes from texel to texel and none is
+made or lost: normalised weights lose the light of outliers (Dammertz et al. 2010, "Edge-avoiding à-trous wavelet
+transform", with the variance-guided stops of Schied et al. 2017, SVGF, are the models of this).
+
+Everything is whole numbers, for hardware: noise and differences are logarithms in half octaves, a weight is read from a
+table of eight entries, and the sums are exact and rounded to binary16 once a pass.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lightloom.golden_model.numerics.floats import float_to_half, half_to_float
+from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
+
+STEPS = (1, 2)
+"""Distance of the neighbours in each pass."""
+REACH = sum(STEPS) + 2
+"""Texels at most from one that decide on what it becomes: the first pass looks at means of 3 x 3 around both ends."""
+WEIGHTS = (8, 8, 7, 6, 4, 2, 0)
+"""Eighths, for a difference in half octaves above the noise: up to LEAST_DIFFERENCE, then one more each."""
+LEAST_DIFFERENCE = -2
+WEIGHT_BITS = 13
+"""Of a weight after the point: eighths by sixteenths, and 6 for how much better a texel is known."""
+HOLE_MASS = -2
+"""Of a texel without samples, whose value comes from around it: a quarter of a sample."""
+HOLE_NOISE = 128
+"""Its relative noise in 256ths."""
+ALIKE = np.float32(0.95)
+"""Cosine of the normals of texels that are smoothed together."""
+_VALUE_BITS = 24
+_NEIGHBOURS = [(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dy or dx]
+_SHARES = [(1 if dy else 2) * (1 if dx else 2) for dy, dx in _NEIGHBOURS]
+"""Sixteenths: 1 2 1, 2 4 2, 1 2 1 with the texel itself."""
+
+
+class Smoother:
+    """The neighbours of all texels, and what smoothing makes of them. Made once a scene; tables of the hardware."""
+
+    def __init__(self, lightmaps: Lightmaps):
+        """Of lightmaps at rest: neighbours are valid texels of the same chart whose normals are `ALIKE`."""
+        owner = lightmaps.texels["object"]
+        number = np.arange(len(owner))
+        width, height = lightmaps.width[owner].astype(np.int64), lightmaps.height[owner].astype(np.int64)
+        row, column = np.divmod(number - lightmaps.offset[owner], width)
+        valid, normal = lightmaps.texels["state"] == VALID, lightmaps.texels["normal"]
+
+        def other(dy: int, dx: int) -> np.ndarray:
+            there = (row + dy >= 0) & (row + dy < height) & (column + dx >= 0) & (column + dx < width)
+            beside = np.where(there, number + dy * width + dx, number)
+            linked = valid & valid[beside] & (lightmaps.chart == lightmaps.chart[beside])
+            linked &= (normal * normal[beside]).sum(axis=1) > ALIKE
+            return np.where(linked, beside, number)
+
+        self.beside = {
+            step: np.stack([other(step * dy, step * dx) for dy, dx in _NEIGHBOURS], axis=1) for step in STEPS
+        }
+        """By distance, the neighbours of each texel, (N, 8) int64: itself where there is none."""
+
+    def around(self, texel: np.ndarray, step: int) -> np.ndarray:
+        """Texels (M,) and their neighbours at a distance, each once."""
+        return np.unique(np.concatenate([texel, self.beside[step][texel].reshape(-1)]))
+
+    def smoothed(self, value: np.ndarray, state: np.ndarray, texel: np.ndarray) -> np.ndarray:
+        """What texels (M,) show: (M, 3) float32 that binary16 holds.
+
+        `value` is what all show without it, (N, 3) float32 that binary16 holds, `state` their TEXEL_STATE (N,). Only
+        texels up to `REACH` away are looked at.
+        """
+        first = self.around(texel, STEPS[1])
+        near = self.around(first, STEPS[0])
+        field = self._field(value, state, self.around(near, 1))
+        means = field.luminance.copy(), field.noise.copy()
+        for what, mean in zip((field.luminance, field.noise), means, strict=True):
+            mean[near] = self._mean(what, near)
+        light, noise = self._pass(field, *means, first, STEPS[0])
+        field.light[first], field.noise[first] = light, noise
+        field.luminance[first] = _luminance(light)
+        light, _ = self._pass(field, field.luminance, field.noise, texel, STEPS[1])
+        return (light.astype(np.float64) * 2.0**-_VALUE_BITS).astype(np.float32)
+
+    def _field(self, value: np.ndarray, state: np.ndarray, texel: np.ndarray) -> "_Field":
+        """What the passes look at, at texels (M,); elsewhere there is nothing of meaning."""
+        count = len(value)
+        field = _Field(np.zeros((count, 3), dtype=np.int64), *(np.zeros(count, dtype=np.int64) for _ in range(3)))
+        light = (value[texel].astype(np.float64) * 2.0**_VALUE_BITS).astype(np.int64)
+        field.light[texel], field.luminance[texel] = light, _luminance(light)
+        field.mass[texel], field.noise[texel] = mass_of(state[texel]), noise_of(state[texel], light)
+        return field
+
+    def _mean(self, what: np.ndarray, texel: np.ndarray) -> np.ndarray:
+        """The weighted mean of each 3 x 3 of a quantity (N,), rounded down, at texels (M,)."""
+        total = 4 * what[texel]
+        for k, share in enumerate(_SHARES):
+            total += share * what[self.beside[1][texel, k]]
+        return total >> 4
+
+    def _pass(
+        self, field: "_Field", level: np.ndarray, noise: np.ndarray, texel: np.ndarray, step: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Light (M, 3) and noise (M,) of texels (M,) after a pass; luminance and noise (N,) decide on the weights."""
+        light, mass = field.light, field.mass
+        total, taken = light[texel] << WEIGHT_BITS, np.zeros(len(texel), dtype=np.int64)
+        for k, share in enumerate(_SHARES):
+            beside = self.beside[step][texel, k]
+            over = logarithm(np.abs(level[texel] - level[beside])) - np.maximum(noise[texel], noise[beside])
+            eighths = np.array(WEIGHTS)[np.clip(over - LEAST_DIFFERENCE, 0, len(WEIGHTS) - 1)]
+            weight = (eighths * share << WEIGHT_BITS - 7) >> np.maximum(mass[texel] - mass[beside], 0)
+            weight[beside == texel] = 0
+            total += weight[:, None] * (light[beside] - light[texel])
+            taken += weight
+        # Three quarters from around leave 0.38 of the noise: 2.8 half octaves less.
+        return _in_half(total), field.noise[texel] - ((15 * taken + (1 << 14)) >> 15)
+
+
+@dataclass(frozen=True)
+class _Field:
+    """Of all texels, where they are looked at."""
+
+    light: np.ndarray  # (N, 3) int64, in 2**-24
+    luminance: np.ndarray  # (N,) int64, of it
+    mass: np.ndarray  # (N,) int64: `mass_of`
+    noise: np.ndarray  # (N,) int64: `noise_of`
+
+
+def _in_half(total: np.ndarray) -> np.ndarray:
+    """Sums of light times weights, rounded to float32 and then to binary16, as light in 2**-24 again: int64."""
+    half = float_to_half(total.astype(np.float32) * np.float32(2.0 ** -(_VALUE_BITS + WEIGHT_BITS)))
+    return (half_to_float(half).astype(np.float64) * 2.0**_VALUE_BITS).astype(np.int64)
+
+
+def logarithm(number: np.ndarray) -> np.ndarray:
+    """Of whole numbers (N,) in half octaves, rounded down: twice the place of the top bit, and 1 from 1.4140625 on."""
+    fraction, exponent = np.frexp(np.maximum(number, 1).astype(np.float64))
+    return 2 * (exponent.astype(np.int64) - 1) + (fraction >= 181 / 256)
+
+
+def mass_of(state: np.ndarray) -> np.ndarray:
+    """How well texels are known: the logarithm of the number of their samples, at most 4, (N,) int64."""
+    count = state["count"].astype(np.int64)
+    return np.where(count > 0, logarithm(np.minimum(count, 16)) >> 1, HOLE_MASS)
+
+
+def noise_of(state: np.ndarray, light: np.ndarray) -> np.ndarray:
+    """The logarithm of the standard error of texels' luminance, in half octaves, (N,) int64.
+
+    Of few samples it is what the last one says of itself, of more what samples have differed by from their average.
+    """
+    count, spread = state["count"].astype(np.int64), state["spread"].astype(np.int64) * 5 >> 3
+    deviation = state["deviation"].astype(np.int64) * 5 >> 2
+    relative = np.where(count >= 5, deviation, np.where(count >= 2, np.maximum(deviation, spread), spread))
+    relative = np.where(count > 0, relative, HOLE_NOISE)
+    return logarithm(relative) - 16 + logarithm(_luminance(light)) - (logarithm(np.minimum(count, 63)) >> 1)
+
+
+def _luminance(light: np.ndarray) -> np.ndarray:
+    """(r + 2 g + b) / 4 of light (N, 3), rounded down, (N,) int64."""
+    return (light[:, 0] + 2 * light[:, 1] + light[:, 2]) >> 2

@@ -1,0 +1,218 @@
+"""Smoothing of what is read of the maps: against a scalar twin, and for what it promises."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from lightloom.golden_model.contract.formats import TEXEL_STATE
+from lightloom.golden_model.maintenance.publishing.publisher import Publisher, apply
+from lightloom.golden_model.maintenance.publishing.smoothing import REACH, Smoother, logarithm
+from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
+from tests.exact import encode
+from tests.golden_model.maintenance.publishing.test_publisher import maps_of, ragged_maps
+
+SIZES = [(19, 13), (1, 1), (8, 8), (3, 40)]
+TABLE = {-2: 8, -1: 8, 0: 7, 1: 6, 2: 4, 3: 2}
+
+
+def known(maps: Lightmaps, seed: int, holes: float = 0.2) -> tuple[np.ndarray, np.ndarray]:
+    """Maps with charts and normals of their own, a state for them, and what they show: (state, (N, 3) float32)."""
+    rng = np.random.default_rng(seed)
+    count = len(maps.texels)
+    maps.texels["normal"] = (0, 0, 1)
+    maps.texels["normal"][rng.random(count) < 0.1] = (0.6, 0, 0.8)
+    state = np.zeros(count, dtype=TEXEL_STATE)
+    state["count"] = rng.choice([1, 2, 3, 4, 5, 8, 17, 64, 255], count) * (rng.random(count) >= holes)
+    state["spread"], state["deviation"] = rng.integers(0, 600, count), rng.integers(0, 300, count)
+    value = rng.choice([1e-6, 0.1, 1.0, 1.1, 50.0, 60000.0], (count, 1)) * rng.uniform(0.9, 1.1, (count, 3))
+    return state, np.minimum(value, 65504).astype(np.float16).astype(np.float32)
+
+
+def half_octaves(number: int) -> int:
+    number = max(number, 1)
+    top = number.bit_length() - 1
+    return 2 * top + (number * 256 >= 362 << top)
+
+
+class Twin:
+    """One texel after the other, in Python's integers."""
+
+    def __init__(self, maps: Lightmaps, state: np.ndarray, value: np.ndarray):
+        self.maps, self.state = maps, state
+        self.light = [[int(Fraction(float(v)) * 2**24) for v in texel] for texel in value]
+        self.noise = [self.noise_of(p) for p in range(len(value))]
+
+    def bright(self, light: list[list[int]], p: int) -> int:
+        r, g, b = light[p]
+        return (r + 2 * g + b) // 4
+
+    def noise_of(self, p: int) -> int:
+        n, dev = int(self.state["count"][p]), int(self.state["deviation"][p]) * 5 // 4
+        spread = int(self.state["spread"][p]) * 5 // 8
+        relative = 128 if n == 0 else spread if n == 1 else max(dev, spread) if n < 5 else dev
+        own = half_octaves(self.bright(self.light, p))
+        return half_octaves(relative) - 16 + own - half_octaves(min(n, 63)) // 2
+
+    def mass(self, p: int) -> int:
+        n = int(self.state["count"][p])
+        return min(n, 16).bit_length() - 1 if n else -2
+
+    def beside(self, p: int, dy: int, dx: int) -> int | None:
+        maps = self.maps
+        o = int(maps.texels["object"][p])
+        row, column = divmod(p - int(maps.offset[o]), int(maps.width[o]))
+        if not (0 <= row + dy < maps.height[o] and 0 <= column + dx < maps.width[o]):
+            return None
+        q = p + dy * int(maps.width[o]) + dx
+        valid = (maps.texels["state"][[p, q]] == VALID).all() and maps.chart[p] == maps.chart[q]
+        alike = float(np.dot(maps.texels["normal"][p].astype(float), maps.texels["normal"][q].astype(float))) > 0.95
+        return q if valid and alike else None
+
+    def around(self, p: int, step: int) -> list[tuple[int, int]]:
+        """Neighbours and their sixteenths."""
+        places = [(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dy or dx]
+        found = [(self.beside(p, step * dy, step * dx), 4 >> (abs(dy) + abs(dx))) for dy, dx in places]
+        return [(p if q is None else q, share) for q, share in found]
+
+    def mean(self, what: list[int], p: int) -> int:
+        return (4 * what[p] + sum(share * what[q] for q, share in self.around(p, 1))) // 16
+
+    def swept(self, light: list[list[int]], level: list[int], noise: list[int], step: int) -> tuple[list, list[int]]:
+        out, taken = [], []
+        for p in range(len(light)):
+            total, sum_of = [c << 13 for c in light[p]], 0
+            for q, share in self.around(p, step):
+                over = half_octaves(abs(level[p] - level[q])) - max(noise[p], noise[q])
+                weight = TABLE.get(max(over, -2), 0) * share * 64 >> max(self.mass(p) - self.mass(q), 0)
+                if q != p:
+                    total = [t + weight * (b - a) for t, a, b in zip(total, light[p], light[q], strict=True)]
+                    sum_of += weight
+            out.append([rounded(t) for t in total])
+            taken.append((15 * sum_of + 2**14) // 2**15)
+        return out, taken
+
+    def smoothed(self) -> list[list[int]]:
+        every = range(len(self.light))
+        bright = [self.bright(self.light, p) for p in every]
+        level, spread = [self.mean(bright, p) for p in every], [self.mean(self.noise, p) for p in every]
+        light, taken = self.swept(self.light, level, spread, 1)
+        noise = [n - t for n, t in zip(self.noise, taken, strict=True)]
+        return self.swept(light, [self.bright(light, p) for p in every], noise, 2)[0]
+
+
+def rounded(total: int) -> int:
+    """In 2**-37 to float32, to binary16, and that in 2**-24."""
+    single = np.uint32(encode(Fraction(total, 2**37))).view(np.float32)
+    return int(Fraction(float(np.float16(single))) * 2**24)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_it_is_what_a_scalar_twin_computes(seed: int) -> None:
+    maps = ragged_maps(seed, SIZES)
+    state, value = known(maps, seed)
+    found = Smoother(maps).smoothed(value, state, np.arange(len(state)))
+    wanted = Twin(maps, state, value).smoothed()
+    for p, (a, b) in enumerate(zip(found, wanted, strict=True)):
+        assert [int(Fraction(float(v)) * 2**24) for v in a] == b, f"seed {seed}, texel {p}"
+
+
+def test_half_octaves_of_every_short_number() -> None:
+    numbers = np.arange(1, 5000)
+    assert logarithm(numbers).tolist() == [half_octaves(n) for n in range(1, 5000)]
+    for n in range(1, 5000):
+        top = n.bit_length() - 1
+        if half_octaves(n) != (n * n).bit_length() - 1:
+            assert 1.4140625 <= n / 2**top < 2**0.5, "one off between the square root of two and its eight bits"
+
+
+def test_a_part_is_as_the_whole() -> None:
+    """What is found of some texels alone, and of those only up to REACH away, is what is found of them among all."""
+    maps = maps_of(SIZES)
+    state, value = known(maps, 5)
+    smoother = Smoother(maps)
+    whole = smoother.smoothed(value, state, np.arange(len(state)))
+    row, column = np.divmod(np.arange(19 * 13), 19)
+    for p in (0, 130, 246):
+        assert (smoother.smoothed(value, state, np.array([p])) == whole[p]).all()
+        far = np.flatnonzero(np.maximum(abs(row - p // 19), abs(column - p % 19)) > REACH)
+        other, noisy = value.copy(), state.copy()
+        other[far], noisy["count"][far] = 7, 9
+        assert (smoother.smoothed(other, noisy, np.array([p])) == whole[p]).all()
+
+
+def flat(side: int, seed: int, relative: float) -> tuple[Lightmaps, np.ndarray, np.ndarray]:
+    """A square map of mean 1 in noise of `relative` that its state knows of."""
+    maps = maps_of([(side, side)])
+    maps.texels["normal"] = (0, 0, 1)
+    state = np.zeros(side * side, dtype=TEXEL_STATE)
+    state["count"], state["spread"] = 1, round(relative * 256)
+    value = np.random.default_rng(seed).gamma(relative**-2, relative**2, (side * side, 1)).repeat(3, axis=1)
+    return maps, state, value.astype(np.float16).astype(np.float32)
+
+
+def test_no_light_is_made_or_lost() -> None:
+    """Of skewed noise, whose outliers a normalised filter cuts."""
+    for relative in (0.1, 0.5, 1.0):
+        maps, state, value = flat(96, 6, relative)
+        found = Smoother(maps).smoothed(value, state, np.arange(len(state)))
+        assert found.astype(np.float64).mean() == pytest.approx(value.astype(np.float64).mean(), rel=1e-4)
+
+
+def test_noise_goes_and_edges_stay() -> None:
+    maps, state, value = flat(64, 7, 0.3)
+    dark = np.arange(64 * 64) % 64 < 32
+    value[dark] *= np.float32(1 / 16)
+    value = value.astype(np.float16).astype(np.float32)
+    found = Smoother(maps).smoothed(value, state, np.arange(len(state)))[:, 0]
+    for side, level in ((dark, 1 / 16), (~dark, 1)):
+        assert found[side].std() < 0.45 * value[side, 0].std()
+        beside = side & np.isin(np.arange(64 * 64) % 64, [31, 32])
+        assert found[beside].mean() == pytest.approx(level, rel=0.1), "the edge"
+
+
+def test_well_known_texels_are_left_alone() -> None:
+    """A fine pattern that the averages are sure of stays; and equal light stays as it is, whatever is known of it."""
+    maps, state, value = flat(16, 8, 0.3)
+    state["count"], state["deviation"] = 255, 4
+    assert np.abs(Smoother(maps).smoothed(value, state, np.arange(256)) / value - 1).mean() < 0.01
+    state, _ = known(maps, 9)
+    level = np.full_like(value, np.float32(np.float16(0.3)))
+    assert (Smoother(maps).smoothed(level, state, np.arange(256)) == level).all()
+
+
+def test_nothing_crosses_charts_or_creases() -> None:
+    maps, state, value = flat(16, 10, 0.5)
+    left = np.arange(256) % 16 < 8
+    other = value.copy()
+    other[~left] = 30
+    for change in ("chart", "normal"):
+        if change == "chart":
+            maps.chart[:] = left
+        else:
+            maps.chart[:] = 0
+            maps.texels["normal"][left] = (0, 1, 0)
+        one, two = (Smoother(maps).smoothed(v, state, np.flatnonzero(left)) for v in (value, other))
+        assert (one == two).all(), change
+
+
+@pytest.mark.parametrize("seed", [11, 12])
+def test_a_region_shows_what_was_so_when_one_of_its_texels_changed(seed: int) -> None:
+    """The rule of differences, against publishing everything each time and taking the regions written from it."""
+    maps, rng = maps_of([(37, 21), (16, 16)]), np.random.default_rng(seed)
+    state, value = known(maps, seed, holes=0)
+    state["irradiance"] = value
+    publisher = Publisher(maps, Smoother(maps))
+    shown = publisher.everything(state)
+    for step in range(12):
+        texel = rng.choice(len(state), 5, replace=False)
+        state["irradiance"][texel] *= rng.uniform(0.5, 1.5, (5, 1)).astype(np.float32)
+        state["count"][texel] = rng.integers(0 if step > 6 else 1, 20, 5)
+        difference = publisher.difference(shown, state, texel)
+        apply(difference, shown)
+        assert set(publisher.regions.of_texel[texel]) <= set(difference.region)
+        whole = Publisher(maps, Smoother(maps)).everything(state)
+        own = publisher.regions.texels(difference.region)
+        assert (shown["rgba"][own] == whole["rgba"][own]).all(), f"seed {seed}, step {step}"
+        others = np.setdiff1d(np.arange(len(state)), own)
+        assert not np.isin(others, difference.texel).any()
