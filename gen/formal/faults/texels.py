@@ -21,7 +21,7 @@ def _fault(file: str, name: str, old: str, new: str, what: str) -> Mutation:
     return Mutation(name=name, file=file, old=old, new=new, what=what, checks=CHECKS[file])
 
 
-TEXEL_FAULTS = (
+FAULTS = (
     _fault(PROJECT, "eye-from-texel", "position[k], eye[k])", "eye[k], position[k])", "the eye relative to the texel"),
     _fault(PROJECT, "depth-sideways", '"depth", moved, forward', '"depth", moved, right', "depth along another axis"),
     _fault(PROJECT, "rows-upwards", 'f.negate("down", along)', "along", "rows count from the bottom"),
@@ -86,7 +86,7 @@ TEXEL_FAULTS = (
     ),
     _fault(DOWN, "towards-zero", "up=remains & sign", "up=remains & ~sign", "positive numbers are rounded up"),
     _fault(DOWN, "minus-zero", "remains & Value.cast(a)[f.fraction_bits : -1].any()", "remains", "-0 becomes -1"),
-    _fault(WIDE, "ties-up", "(guard & (sticky | kept[0]))", "guard", "ties are raised"),
+    _fault(WIDE, "wide-ties-up", "(guard & (sticky | kept[0]))", "guard", "ties are raised"),
     _fault(
         WIDE, "sticky-short", "scaled[: lost - 1].any()", "scaled[lost - 8 : lost - 1].any()", "far bits do not count"
     ),
