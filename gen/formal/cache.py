@@ -1,13 +1,14 @@
 """The block cache and its lists of waiting requests: bounded proofs of small ones, whatever the memory does."""
 
+from dataclasses import dataclass
 from functools import partial
 
-from amaranth import Array, Cat, Mux, Signal
+from amaranth import Array, Cat, Mux, Signal, Value
 
 from lightloom.gen.formal.bench import Bench
 from lightloom.gen.formal.properties import Bounded, Property
 from lightloom.gen.formal.streams import held
-from lightloom.rtl.memory.axi import INCR
+from lightloom.rtl.memory.axi import BLOCK_BITS, INCR, OFFSET_BITS
 from lightloom.rtl.memory.block_cache import BlockCache
 from lightloom.rtl.memory.waiters import Waiters
 
@@ -107,6 +108,162 @@ def waiters(misses: int, requests: int) -> Bench:
     return bench
 
 
+@dataclass(frozen=True)
+class Traffic:
+    """What happens at a cache's ports, and what is under way."""
+
+    enters: Value
+    """A request is taken."""
+    leaves: Value
+    """An answer is taken."""
+    asked: Value
+    """The address of a read is taken."""
+    comes: Value
+    """The block of a read comes."""
+    reading: list[Signal]
+    """By AXI id: its read is under way."""
+    block_of: list[Signal]
+    """By AXI id: what it reads, or has read last."""
+    waits: list[Signal]
+    """By tag: its request waits for an answer."""
+    wants: list[Signal]
+    """By tag: the block that it asks for, or has asked for last."""
+    failed: Signal
+    """Some read has failed."""
+    ticks: Signal
+    """Ticks of the clock for timeouts so far; 2 are enough for a read to be given up, and counted no further."""
+
+    @property
+    def nobody_waits(self) -> Value:
+        return ~Cat(self.waits).any()
+
+    @property
+    def may_have_given_up(self) -> Value:
+        return self.ticks == 2
+
+
+def _followed(bench: Bench, component: BlockCache, tags: int, block_bits: int) -> Traffic:
+    """Follows all reads and requests; what the memory gives is the number of the block that was asked for."""
+    m, i, o, axi = bench.m, component.i, component.o, component.m_axi
+    enters, leaves = i.valid & i.ready, o.valid & o.ready
+    asked, comes = axi.arvalid & axi.arready, axi.rvalid & axi.rready
+    ids = range(1 << len(axi.arid))
+    reading = [Signal(name=f"reading{k}") for k in ids]
+    block_of = [Signal(block_bits, name=f"block_of{k}") for k in ids]
+    waits = [Signal(name=f"waits{k}") for k in range(tags)]
+    wants = [Signal(block_bits, name=f"wants{k}") for k in range(tags)]
+    m.d.comb += [axi.rdata.eq(Array(block_of)[axi.rid]), axi.rlast.eq(1), component.base.eq(0)]
+    for k in ids:
+        with m.If(comes & (axi.rid == k)):
+            m.d.sync += reading[k].eq(0)
+        with m.If(asked & (axi.arid == k)):
+            m.d.sync += [reading[k].eq(1), block_of[k].eq(axi.araddr >> OFFSET_BITS)]
+    for k in range(tags):
+        with m.If(leaves & (o.payload.tag == k)):
+            m.d.sync += waits[k].eq(0)
+        with m.If(enters & (i.payload.tag == k)):
+            m.d.sync += [waits[k].eq(1), wants[k].eq(i.payload.block)]
+    failed = Signal()
+    ticks = Signal(2)
+    m.d.sync += [failed.eq(failed | (comes & axi.rresp[1])), ticks.eq(ticks + (component.tick & (ticks != 2)))]
+    return Traffic(enters, leaves, asked, comes, reading, block_of, waits, wants, failed, ticks)
+
+
+def _surroundings(bench: Bench, component: BlockCache, traffic: Traffic, block_bits: int, prefetches: bool) -> None:
+    """Who asks, and the memory: a tag is free when it is used, and nothing comes that was not asked for."""
+    i, axi, prefetch = component.i, component.m_axi, component.prefetch
+    bench.assume(i.payload.block < 1 << block_bits)
+    bench.assume(~i.valid | ~Array(traffic.waits)[i.payload.tag])
+    bench.assume(~axi.rvalid | Array(traffic.reading)[axi.rid])
+    bench.assume(~prefetch.valid | ((prefetch.block < 1 << block_bits) & prefetches))
+
+
+def _keeps_the_rules_of_axi(bench: Bench, component: BlockCache, traffic: Traffic) -> None:
+    axi, reading = component.m_axi, traffic.reading
+    address = Cat(axi.araddr, axi.arid, axi.arlen, axi.arsize, axi.arburst)
+    held(bench, "ar", axi.arvalid, axi.arready, address)
+    whole = (axi.araddr[:OFFSET_BITS] == 0) & (axi.arlen == 0) & (axi.arburst == INCR)
+    bench.require("whole_block", ~axi.arvalid | whole)
+    bench.require("id_is_free", ~axi.arvalid | ~Array(reading)[axi.arid])
+    bench.require("id_in_range", ~axi.arvalid | (axi.arid < component.misses))
+    # But for a read that was given up: it may still be under way when its block is read again.
+    already = Cat(
+        one & (block == axi.araddr[OFFSET_BITS:]) for one, block in zip(reading, traffic.block_of, strict=True)
+    )
+    bench.require("block_read_once_at_a_time", ~axi.arvalid | ~already.any() | traffic.may_have_given_up)
+
+
+def _answers_what_was_asked(bench: Bench, component: BlockCache, traffic: Traffic) -> None:
+    o = component.o
+    held(bench, "o", o.valid, o.ready, o.payload)
+    bench.require("only_who_waits", ~o.valid | Array(traffic.waits)[o.payload.tag])
+    right = o.payload.data == Array(traffic.wants)[o.payload.tag]
+    bench.require("its_block", ~o.valid | o.payload.error | right)
+    fails = o.valid & o.payload.error
+    bench.require("no_error_of_its_own", ~fails | traffic.failed | traffic.may_have_given_up)
+    events = component.hit + component.miss + component.merged
+    bench.require("one_event_a_cycle", events <= 1)
+
+
+def _tells_of_prefetches(bench: Bench, component: BlockCache, traffic: Traffic) -> None:
+    """What is on its way, somebody waits for or `prefetching` tells of; but for reads that were given up."""
+    told = ~traffic.nobody_waits | component.prefetching
+    under_way = component.m_axi.arvalid | Cat(traffic.reading).any()
+    bench.require("quiet", told | ~under_way | traffic.may_have_given_up)
+    still = ~(told | component.i.valid | component.prefetch.valid)
+    bench.require("stays_quiet", ~bench.past(still, "still") | ~component.prefetching)
+
+
+def _reaches_prefetched(bench: Bench, component: BlockCache, traffic: Traffic) -> None:
+    """Requests find what was prefetched, and join a prefetch that is under way."""
+    block = _block_read(component, traffic)
+    wanted = Cat(waits & (wants == block) for waits, wants in zip(traffic.waits, traffic.wants, strict=True)).any()
+    only_prefetch = Signal()  # a read, and none that a request has begun
+    bench.m.d.sync += only_prefetch.eq((only_prefetch | (traffic.asked & ~wanted)) & ~component.miss)
+    bench.reach("hits_prefetched", component.hit & only_prefetch & ~traffic.failed)
+    bench.reach("joins_prefetch", component.merged & only_prefetch & ~traffic.failed)
+
+
+def _reaches_answers(bench: Bench, component: BlockCache, traffic: Traffic) -> None:
+    o, axi = component.o, component.m_axi
+    bench.reach("answered", traffic.leaves & ~o.payload.error)
+    bench.reach("answer_waits", o.valid & bench.past(o.valid & ~o.ready, "not_taken"))
+    bench.reach("merged", component.merged)
+    bench.reach("found", component.hit)
+    bench.reach("address_waits", axi.arvalid & bench.past(axi.arvalid & ~axi.arready, "no_address"))
+
+
+def _reaches_reads_again(bench: Bench, component: BlockCache, traffic: Traffic) -> None:
+    """Errors, and second reads of a block and by a miss."""
+    m, axi, asked = bench.m, component.m_axi, traffic.asked
+    fails = traffic.leaves & component.o.payload.error
+    block = _block_read(component, traffic)
+    was_read = Signal(1 << len(block))  # blocks
+    used_number = Signal(len(traffic.reading))  # of a miss, before
+    with m.If(asked):
+        m.d.sync += [was_read.eq(was_read | (1 << block)), used_number.eq(used_number | (1 << axi.arid))]
+    bench.reach("late", traffic.comes & ~traffic.failed & bench.past(fails, "given_up"))
+    bench.reach("answered_with_error", fails)
+    bench.reach("read_again", asked & was_read.bit_select(block, 1))
+    bench.reach("number_used_again", asked & used_number.bit_select(axi.arid, 1))
+
+
+def _reaches_two_reads(bench: Bench, component: BlockCache, traffic: Traffic) -> None:
+    """Of two ids."""
+    m, axi, reading = bench.m, component.m_axi, traffic.reading
+    oldest = Signal(len(axi.arid))
+    other = axi.arid ^ 1
+    with m.If(traffic.asked):
+        m.d.sync += oldest.eq(Mux(Array(reading)[other], other, axi.arid))
+    bench.reach("two_reads", Cat(reading).all())
+    bench.reach("reads_out_of_order", traffic.comes & Cat(reading).all() & (axi.rid != oldest))
+
+
+def _block_read(component: BlockCache, traffic: Traffic) -> Value:
+    """The block whose address is on the port."""
+    return component.m_axi.araddr[OFFSET_BITS:][: len(traffic.block_of[0])]
+
+
 def cache(
     *,
     sets: int,
@@ -131,90 +288,21 @@ def cache(
         requests=requests,
         tag_width=(tags - 1).bit_length(),
         address_width=32,
-        data_width=512,
+        data_width=BLOCK_BITS,
     )
     bench = Bench(component, driven={"m_axi__rdata", "m_axi__rlast", "base", "invalidate"})
-    m, i, o, axi = bench.m, component.i, component.o, component.m_axi
-    tag, number = i.payload.tag, o.payload.tag
-    enters, leaves = i.valid & i.ready, o.valid & o.ready
-    asked = axi.arvalid & axi.arready
-    ids = range(1 << len(axi.arid))
-    reading = [Signal(name=f"reading{k}") for k in ids]
-    block_of = [Signal(block_bits, name=f"block_of{k}") for k in ids]
-    waits = [Signal(name=f"waits{k}") for k in range(tags)]
-    wants = [Signal(block_bits, name=f"wants{k}") for k in range(tags)]
-    comes = axi.rvalid & axi.rready
-    m.d.comb += [axi.rdata.eq(Array(block_of)[axi.rid]), axi.rlast.eq(1), component.base.eq(0)]
-    for k in ids:
-        with m.If(comes & (axi.rid == k)):
-            m.d.sync += reading[k].eq(0)
-        with m.If(asked & (axi.arid == k)):
-            m.d.sync += [reading[k].eq(1), block_of[k].eq(axi.araddr >> 6)]
-    for k in range(tags):
-        with m.If(leaves & (number == k)):
-            m.d.sync += waits[k].eq(0)
-        with m.If(enters & (tag == k)):
-            m.d.sync += [waits[k].eq(1), wants[k].eq(i.payload.block)]
-    bench.assume(i.payload.block < 1 << block_bits)
-    bench.assume(~i.valid | ~Array(waits)[tag])
-    bench.assume(~axi.rvalid | Array(reading)[axi.rid])
-    bench.assume(~component.prefetch.valid | ((component.prefetch.block < 1 << block_bits) & prefetches))
-
-    was_read = Signal(1 << block_bits)  # blocks
-    used_number = Signal(len(reading))  # of a miss, before
-    oldest = Signal(len(axi.arid))  # of two reads
-    with m.If(asked):
-        m.d.sync += was_read.eq(was_read | (1 << axi.araddr[6 : 6 + block_bits]))
-        m.d.sync += used_number.eq(used_number | (1 << axi.arid))
-        m.d.sync += oldest.eq(Mux(Array(reading)[axi.arid ^ 1], axi.arid ^ 1, axi.arid))
-
-    failed = Signal()  # some read has failed
-    ticks = Signal(2)
-    m.d.sync += [failed.eq(failed | (comes & axi.rresp[1])), ticks.eq(ticks + (component.tick & (ticks != 2)))]
-
-    # AXI, on the side of the memory.
-    address = Cat(axi.araddr, axi.arid, axi.arlen, axi.arsize, axi.arburst)
-    held(bench, "ar", axi.arvalid, axi.arready, address)
-    bench.require("whole_block", ~axi.arvalid | ((axi.araddr[:6] == 0) & (axi.arlen == 0) & (axi.arburst == INCR)))
-    bench.require("id_is_free", ~axi.arvalid | ~Array(reading)[axi.arid])
-    bench.require("id_in_range", ~axi.arvalid | (axi.arid < misses))
-    # But for a read that was given up, which takes two ticks: it may still be under way when its block is read again.
-    already = [reading[k] & (block_of[k] == axi.araddr[6:]) for k in ids]
-    bench.require("block_read_once_at_a_time", ~axi.arvalid | ~Cat(already).any() | (ticks == 2))
-
-    # Requests and answers.
-    held(bench, "o", o.valid, o.ready, o.payload)
-    bench.require("only_who_waits", ~o.valid | Array(waits)[number])
-    right = o.payload.data == Array(wants)[number]
-    bench.require("its_block", ~o.valid | o.payload.error | right)
-    bench.require("no_error_of_its_own", ~(o.valid & o.payload.error) | failed | (ticks == 2))
-    # What is on its way, somebody waits for or `prefetching` tells of; but for reads that were given up.
-    bench.require(
-        "quiet", Cat(waits).any() | component.prefetching | ~(axi.arvalid | Cat(reading).any()) | (ticks == 2)
-    )
-    still = ~(Cat(waits).any() | component.prefetching | i.valid | component.prefetch.valid)
-    bench.require("stays_quiet", ~bench.past(still, "still") | ~component.prefetching)
-    wanted = Cat(waits[k] & (wants[k] == axi.araddr[6 : 6 + block_bits]) for k in range(tags)).any()
-    only_prefetch = Signal()  # a read, and none that a request has begun
-    m.d.sync += only_prefetch.eq((only_prefetch | (asked & ~wanted)) & ~component.miss)
+    traffic = _followed(bench, component, tags, block_bits)
+    _surroundings(bench, component, traffic, block_bits, prefetches)
+    _keeps_the_rules_of_axi(bench, component, traffic)
+    _answers_what_was_asked(bench, component, traffic)
+    _tells_of_prefetches(bench, component, traffic)
     if prefetches:
-        bench.reach("hits_prefetched", component.hit & only_prefetch & ~failed)
-        bench.reach("joins_prefetch", component.merged & only_prefetch & ~failed)
-    events = component.hit + component.miss + component.merged
-    bench.require("one_event_a_cycle", events <= 1)
-    bench.reach("answered", leaves & ~o.payload.error)
-    bench.reach("answer_waits", o.valid & bench.past(o.valid & ~o.ready, "not_taken"))
-    bench.reach("merged", component.merged)
-    bench.reach("found", component.hit)
-    bench.reach("address_waits", axi.arvalid & bench.past(axi.arvalid & ~axi.arready, "no_address"))
+        _reaches_prefetched(bench, component, traffic)
+    _reaches_answers(bench, component, traffic)
     if again:
-        bench.reach("late", comes & ~failed & bench.past(leaves & o.payload.error, "given_up"))
-        bench.reach("answered_with_error", leaves & o.payload.error)
-        bench.reach("read_again", asked & was_read.bit_select(axi.araddr[6 : 6 + block_bits], 1))
-        bench.reach("number_used_again", asked & used_number.bit_select(axi.arid, 1))
+        _reaches_reads_again(bench, component, traffic)
     if misses > 1:
-        bench.reach("two_reads", Cat(reading).all())
-        bench.reach("reads_out_of_order", comes & Cat(reading).all() & (axi.rid != oldest))
+        _reaches_two_reads(bench, component, traffic)
     return bench
 
 
