@@ -8,6 +8,7 @@ import pytest
 from lightloom.golden_model.contract.formats import F4
 from lightloom.golden_model.contract.interfaces import Unit
 from lightloom.golden_model.contract.names import KEYWORDS, OF_FIELDS, OF_PORTS, OF_REGISTERS, check_name
+from tests.needs import need_package
 
 EXAMPLES = {
     "SystemVerilog": ("output", "begin", "logic", "release"),
@@ -60,12 +61,12 @@ def test_a_unit_refuses_fields(operands: np.dtype, results: np.dtype) -> None:
 
 
 def test_keywords_of_systemverilog_are_those_of_a_maker_of_register_blocks() -> None:
-    listed = pytest.importorskip("peakrdl_regblock.identifier_filter", reason="pip install peakrdl-regblock")
+    listed = need_package("peakrdl_regblock.identifier_filter", "pip install peakrdl-regblock")
     assert KEYWORDS["SystemVerilog"] == listed.SV_KEYWORDS
 
 
 def test_keywords_of_systemrdl_are_those_of_its_compiler() -> None:
-    lexer = pytest.importorskip("systemrdl.parser.SystemRDLLexer", reason="pip install systemrdl-compiler")
+    lexer = need_package("systemrdl.parser.SystemRDLLexer", "pip install systemrdl-compiler")
     literals = lexer.SystemRDLLexer.literalNames
     assert KEYWORDS["SystemRDL"] == {text.strip("'") for text in literals if re.fullmatch(r"'[a-z_0-9]+'", text)}
 
