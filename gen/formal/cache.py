@@ -16,94 +16,146 @@ TAGS = 4
 """Requests under way have different tags, 0 to 3, so that an answer says which request it is for."""
 
 
-def waiters(misses: int, requests: int) -> Bench:
-    component = Waiters(misses=misses, requests=requests, tag_width=2, line_width=2)
-    bench = Bench(component)
-    m, o = bench.m, component.o
-    takes = o.valid & o.ready
-    waits = [Signal(name=f"waits{tag}") for tag in range(TAGS)]
-    whose = [Signal(range(misses), name=f"whose{tag}") for tag in range(TAGS)]
-    listed = [Signal(name=f"listed{k}") for k in range(misses)]  # has a list that may grow
-    filled = [Signal(name=f"filled{k}") for k in range(misses)]  # its block has come, its number is not free yet
-    free_again = [Signal(name=f"free_again{k}") for k in range(misses)]  # it has had a list before
-    over = [Signal(name=f"over{k}") for k in range(misses)]  # so is its read
-    line = [Signal(2, name=f"line{k}") for k in range(misses)]
-    error = [Signal(name=f"error{k}") for k in range(misses)]
-    answered = [Signal(name=f"answered{tag}") for tag in range(TAGS)]
-    its_line = [Signal(2, name=f"its_line{tag}") for tag in range(TAGS)]
-    its_error = [Signal(name=f"its_error{tag}") for tag in range(TAGS)]
+@dataclass(frozen=True)
+class Lists:
+    """The lists of waiting requests, as they have to be."""
 
-    # What the cache does: it adds where there is room, to a list that is not closed, and closes each list once. A read
-    # ends with that or later; where later, nothing comes in between but what has passed.
+    takes: Value
+    """A request is answered."""
+    waits: list[Signal]
+    """By tag: its request waits."""
+    whose: list[Signal]
+    """By tag: the miss in whose list it waits."""
+    answered: list[Signal]
+    """By tag: its block has come."""
+    its_line: list[Signal]
+    """By tag: where its block is."""
+    its_error: list[Signal]
+    """By tag: its block has failed."""
+    listed: list[Signal]
+    """By miss: it has a list that may grow."""
+    filled: list[Signal]
+    """By miss: its block has come, its number is not free yet."""
+    over: list[Signal]
+    """By miss: so is its read."""
+    free_again: list[Signal]
+    """By miss: it has had a list before."""
+
+
+def _lists(bench: Bench, component: Waiters, misses: int) -> Lists:
+    o = component.o
+    lists = Lists(
+        takes=o.valid & o.ready,
+        waits=[Signal(name=f"waits{tag}") for tag in range(TAGS)],
+        whose=[Signal(range(misses), name=f"whose{tag}") for tag in range(TAGS)],
+        answered=[Signal(name=f"answered{tag}") for tag in range(TAGS)],
+        its_line=[Signal(2, name=f"its_line{tag}") for tag in range(TAGS)],
+        its_error=[Signal(name=f"its_error{tag}") for tag in range(TAGS)],
+        listed=[Signal(name=f"listed{k}") for k in range(misses)],
+        filled=[Signal(name=f"filled{k}") for k in range(misses)],
+        over=[Signal(name=f"over{k}") for k in range(misses)],
+        free_again=[Signal(name=f"free_again{k}") for k in range(misses)],
+    )
+    _as_the_cache_does(bench, component, lists, misses)
+    for k in range(misses):
+        _follow_miss(bench, component, lists, k)
+    for tag in range(TAGS):
+        _follow_tag(bench, component, lists, tag)
+    return lists
+
+
+def _as_the_cache_does(bench: Bench, component: Waiters, lists: Lists, misses: int) -> None:
+    """It adds where there is room, to a list that is not closed, and closes each list once.
+
+    A read ends with that or later; where later, nothing comes in between but what has passed.
+    """
+    listed, filled, ending = Array(lists.listed), Array(lists.filled), component.filled_miss
     bench.assume(component.miss < misses)
     bench.assume(component.filled_miss < misses)
-    bench.assume(~component.add | (component.ready & ~Array(waits)[component.tag]))
-    bench.assume(~component.add | (component.first == ~Array(listed)[component.miss]))
-    bench.assume(~component.add | ~Array(filled)[component.miss])
-    bench.assume(~component.filled | (Array(listed)[component.filled_miss] & ~Array(filled)[component.filled_miss]))
-    ending = component.filled_miss
-    bench.assume(~component.ended | ((Array(filled)[ending] | component.filled) & ~Array(over)[ending]))
+    bench.assume(~component.add | (component.ready & ~Array(lists.waits)[component.tag]))
+    bench.assume(~component.add | (component.first == ~listed[component.miss]))
+    bench.assume(~component.add | ~filled[component.miss])
+    bench.assume(~component.filled | (listed[component.filled_miss] & ~filled[component.filled_miss]))
+    bench.assume(~component.ended | ((filled[ending] | component.filled) & ~Array(lists.over)[ending]))
     alone = Signal()
     leaves = component.filled & ~component.ended
-    m.d.sync += alone.eq((alone | leaves) & ~component.passed)
+    bench.m.d.sync += alone.eq((alone | leaves) & ~component.passed)
     bench.assume(~alone | ~(component.filled | component.ended))
     bench.require("passes_once", ~component.passed | alone)
-    for k in range(misses):
-        freed = component.free & (component.free_miss == k)
+
+
+def _follow_miss(bench: Bench, component: Waiters, lists: Lists, k: int) -> None:
+    m, over, listed, filled = bench.m, lists.over[k], lists.listed[k], lists.filled[k]
+    freed = component.free & (component.free_miss == k)
+    m.d.sync += [
+        over.eq((over | (component.ended & (component.filled_miss == k))) & ~freed),
+        listed.eq((listed | (component.add & (component.miss == k))) & ~freed),
+        filled.eq((filled | (component.filled & (component.filled_miss == k))) & ~freed),
+    ]
+    m.d.sync += lists.free_again[k].eq(lists.free_again[k] | freed)
+    bench.require(f"freed{k}_once_filled_and_over", ~freed | (filled & over))
+
+
+def _follow_tag(bench: Bench, component: Waiters, lists: Lists, tag: int) -> None:
+    m, waits, answered = bench.m, lists.waits[tag], lists.answered[tag]
+    says = [lists.its_line[tag].eq(component.filled_line), lists.its_error[tag].eq(component.filled_error)]
+    mine = component.filled & (component.filled_miss == lists.whose[tag])
+    with m.If(waits & ~answered & mine):
+        m.d.sync += [answered.eq(1), *says]
+    with m.If(lists.takes & (component.o.payload.tag == tag)):
+        m.d.sync += [waits.eq(0), answered.eq(0)]
+    with m.If(component.add & (component.tag == tag)):
         m.d.sync += [
-            over[k].eq((over[k] | (component.ended & (ending == k))) & ~freed),
-            listed[k].eq((listed[k] | (component.add & (component.miss == k))) & ~freed),
-            filled[k].eq((filled[k] | (component.filled & (component.filled_miss == k))) & ~freed),
+            waits.eq(1),
+            lists.whose[tag].eq(component.miss),
+            answered.eq(component.filled & (component.filled_miss == component.miss)),
+            *says,
         ]
-        m.d.sync += free_again[k].eq(free_again[k] | freed)
-        bench.require(f"freed{k}_once_filled_and_over", ~freed | (filled[k] & over[k]))
-        with m.If(component.filled & (component.filled_miss == k)):
-            m.d.sync += [line[k].eq(component.filled_line), error[k].eq(component.filled_error)]
-    for tag in range(TAGS):
-        mine = component.filled & (component.filled_miss == whose[tag])
-        with m.If(waits[tag] & ~answered[tag] & mine):
-            m.d.sync += [
-                answered[tag].eq(1),
-                its_line[tag].eq(component.filled_line),
-                its_error[tag].eq(component.filled_error),
-            ]
-        with m.If(takes & (o.payload.tag == tag)):
-            m.d.sync += [waits[tag].eq(0), answered[tag].eq(0)]
-        with m.If(component.add & (component.tag == tag)):
-            m.d.sync += [
-                waits[tag].eq(1),
-                whose[tag].eq(component.miss),
-                answered[tag].eq(component.filled & (component.filled_miss == component.miss)),
-                its_line[tag].eq(component.filled_line),
-                its_error[tag].eq(component.filled_error),
-            ]
-    tag = o.payload.tag
+
+
+def _answers_each_once(bench: Bench, component: Waiters, lists: Lists) -> None:
+    o, tag = component.o, component.o.payload.tag
     held(bench, "o", o.valid, o.ready, o.payload)
-    bench.require("only_who_waits", ~o.valid | Array(waits)[tag])
-    bench.require("only_when_filled", ~o.valid | Array(answered)[tag])
-    bench.require("its_line", ~o.valid | (o.payload.line == Array(its_line)[tag]))
-    bench.require("its_error", ~o.valid | (o.payload.error == Array(its_error)[tag]))
-    others = [waits[k] & answered[k] & (tag != k) & (its_line[k] == o.payload.line) for k in range(TAGS)]
+    bench.require("only_who_waits", ~o.valid | Array(lists.waits)[tag])
+    bench.require("only_when_filled", ~o.valid | Array(lists.answered)[tag])
+    bench.require("its_line", ~o.valid | (o.payload.line == Array(lists.its_line)[tag]))
+    bench.require("its_error", ~o.valid | (o.payload.error == Array(lists.its_error)[tag]))
+    listed = list(zip(lists.waits, lists.answered, lists.its_line, strict=True))
+    others = [
+        waits & answered & (tag != k) & (line == o.payload.line) for k, (waits, answered, line) in enumerate(listed)
+    ]
     # Lines of lists that are being answered are different: they are locked.
-    for k in range(TAGS):
-        bench.assume(~(component.filled & waits[k] & answered[k]) | (its_line[k] != component.filled_line))
+    for waits, answered, line in listed:
+        bench.assume(~(component.filled & waits & answered) | (line != component.filled_line))
     bench.require("last_is_last", ~(o.valid & o.payload.last) | ~Cat(others).any())
+
+
+def _reaches_lists(bench: Bench, component: Waiters, lists: Lists, misses: int) -> None:
+    o, takes = component.o, lists.takes
     later = Signal()
-    m.d.sync += later.eq(later | (component.ended & ~component.filled))
+    bench.m.d.sync += later.eq(later | (component.ended & ~component.filled))
     bench.reach("over_later", component.free & later)
     bench.reach("list_of_two", takes & o.payload.last & bench.past(takes & ~o.payload.last, "not_last"))
     bench.reach("full", ~component.ready)
     bench.reach("failed", takes & o.payload.error)
-    bench.reach("miss_used_again", component.add & component.first & Array(free_again)[component.miss])
+    bench.reach("miss_used_again", component.add & component.first & Array(lists.free_again)[component.miss])
     bench.reach("answer_waits", o.valid & bench.past(o.valid & ~o.ready, "not_taken"))
     if misses > 1:
-        bench.reach("two_lists_filled", Cat(filled).all())
+        bench.reach("two_lists_filled", Cat(lists.filled).all())
         bench.reach("added_while_answered", component.add & o.valid)
 
+
+def waiters(misses: int, requests: int) -> Bench:
+    component = Waiters(misses=misses, requests=requests, tag_width=2, line_width=2)
+    bench = Bench(component)
+    lists = _lists(bench, component, misses)
+    _answers_each_once(bench, component, lists)
+    _reaches_lists(bench, component, lists, misses)
     # Released, everything whose block has come is answered: at most two cycles a list and one a request.
     idle = Signal(range(32))
-    m.d.sync += idle.eq(Mux(component.add | component.filled | ~o.ready, 0, idle + (idle != 31)))
-    waiting = Cat(a & w for a, w in zip(answered, waits, strict=True)).any()
+    restarts = component.add | component.filled | ~component.o.ready
+    bench.m.d.sync += idle.eq(Mux(restarts, 0, idle + (idle != 31)))
+    waiting = Cat(a & w for a, w in zip(lists.answered, lists.waits, strict=True)).any()
     bench.require("drains", ~waiting | (idle <= 2 * misses + requests + 3))
     return bench
 
