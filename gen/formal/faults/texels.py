@@ -30,7 +30,7 @@ FAULTS = (
     _fault(PROJECT, "near-ignored", 'beyond["greater"], off', 'facing["greater"], off', "nothing is too near"),
     _fault(PROJECT, "off-by-a-texel", 'off["less"]\n', 'off["greater"]\n', "only what is off the screen is on it"),
     _fault(PROJECT, "one-side-of-the-screen", "before, f.subtract", "coordinate, f.subtract", "no left and upper end"),
-    _fault(PROJECT, "half-of-the-width", "size[23:31] - 1", "size[23:31] - 2", "the middle is at a quarter"),
+    _fault(PROJECT, "half-of-the-width", 'half", late, 1)', 'half", late, 2)', "the middle is at a quarter"),
     _fault(
         PROJECT, "taps-from-corners", "doubled.as_signed() - 1", "doubled.as_signed()", "pixels' corners, not centres"
     ),
