@@ -6,6 +6,7 @@ import numpy as np
 
 from lightloom.golden_model.contract import bitpack, formats
 from lightloom.golden_model.contract.formats import field_width
+from lightloom.golden_model.contract.names import OF_FIELDS, check_name
 
 FORMATS: dict[str, str] = {
     "IMAGE_HEADER": "The first block of a memory image",
@@ -44,6 +45,7 @@ def context() -> dict[str, Any]:
 def _layout(name: str, meaning: str, dtype: np.dtype) -> dict[str, Any]:
     fields: dict[str, dict[str, Any]] = {}
     for field, _, base, bit, width in bitpack.fields(dtype):
+        check_name(f"format {name}: field", field, OF_FIELDS)
         one = fields.setdefault(field, {"name": field, "bit": bit, "width": width, "count": 0, "type": _type(base)})
         one["count"] += 1
     return {

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from lightloom.gen.package.files import render
+from lightloom.gen.package.memory import memory_port
 from lightloom.gen.package.stream_bench import shared, vectors
 from lightloom.gen.package.traversal_bench import scene
 from lightloom.golden_model.models import model_results
@@ -21,17 +22,12 @@ def register_bench(unit: Mapping[str, Any], config: Config, operands: np.ndarray
     `unit` is its manifest, `operands` (N,) are of its input's dtype; None: it is a traversal unit, which gets a scene.
     """
     module, files = unit["module"], {}
-    more: dict[str, Any] = {"axi": []}
+    more: dict[str, Any] = {"memory": None}
     if operands is None:
         traced = scene(config)
         operands, results = traced.queries, traced.results
         files[f"{module}.bin"] = traced.image
-        more = {
-            "axi": [port for port in unit["ports"] if port["role"] == "memory"],
-            "base": traced.base,
-            "memory_bits": traced.memory_bits,
-            "widths": {port["name"]: port["width"] for port in unit["ports"]},
-        }
+        more = {"memory": memory_port(unit), "base": traced.base, "memory_bits": traced.memory_bits}
     else:
         operands = operands[:MOST]
         results = model_results(unit["unit"], operands, config.flat())

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from lightloom.gen.package.files import render
+from lightloom.gen.package.memory import memory_port
 from lightloom.gen.package.stream_bench import SEED, shared, vectors
 from lightloom.golden_model.contract.formats import BLOCK_BYTES, SECTION, TRIANGLE
 from lightloom.golden_model.stimuli.ray_families import adversarial_rays
@@ -62,7 +63,7 @@ def traversal_bench(unit: Mapping[str, Any], config: Config) -> dict[str, bytes]
         **shared(unit, traced.queries, traced.results),
         widths=ports,
         counters=[port["name"].removeprefix("count_") for port in unit["ports"] if port["role"] == "counter"],
-        axi=[port for port in unit["ports"] if port["name"].startswith("m_axi_")],
+        memory=memory_port(unit),
         base=traced.base,
         memory_bits=traced.memory_bits,
         overlap=config.traversal.overlap,

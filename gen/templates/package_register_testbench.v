@@ -1,6 +1,6 @@
 // Testbench of {{ module }}: operands and results of the golden model through registers alone, compared in all bits. Needs
 // nothing but a Verilog simulator: the vectors are in {{ module }}.hex, a line an operand with its result above it.
-{% if axi %}
+{% if memory %}
 // The tree is in {{ module }}.bin, a memory image; the memory is axi_memory.v.
 {% endif %}
 //
@@ -31,11 +31,9 @@ module {{ module }}_tb;
   wire awready, wready, bvalid, arready, rvalid, irq;
   wire [1:0] bresp, rresp;
   wire [31:0] rdata;
-{% if axi %}
-  wire violation;
-{% for port in axi %}
-  wire [{{ port.width }}-1:0] {{ "memory_" ~ port.name.removeprefix("m_axi_") }};
-{% endfor %}
+{% if memory %}
+{% set latency, reorder, interleave, stall = "16'd20", "8'd100", "1'b1", "8'd60" %}
+{% include "package_memory.v" %}
 {% endif %}
 
   {{ module }} unit (
@@ -66,58 +64,13 @@ module {{ module }}_tb;
       .s_axi_rready(rready),
       .s_axi_rdata(rdata),
       .s_axi_rresp(rresp),
-{% for port in axi %}
-      .{{ port.name }}({{ "memory_" ~ port.name.removeprefix("m_axi_") }}),
+{% if memory %}
+{% for name in memory.wires %}
+      .m_axi_{{ name }}(memory_{{ name }}),
 {% endfor %}
+{% endif %}
       .irq(irq)
   );
-{% if axi %}
-
-  axi_memory #(
-      .DATA_WIDTH({{ widths.m_axi_rdata }}),
-      .ADDRESS_WIDTH({{ widths.m_axi_araddr }}),
-      .ID_WIDTH({{ widths.m_axi_arid }}),
-      .MEMORY_BITS({{ memory_bits }})
-  ) memory (
-      .clk(clk),
-      .rst(rst),
-      .latency(16'd20),
-      .bandwidth(9'd256),
-      .reorder(8'd100),
-      .interleave(1'b1),
-      .stall(8'd60),
-      .seed(32'd{{ seed }}),
-      .error_enable(1'b0),
-      .write_error_enable(1'b0),
-      .error_first({{ widths.m_axi_araddr }}'d0),
-      .error_last({{ widths.m_axi_araddr }}'d0),
-{% for port in axi %}
-      .{{ port.name.removeprefix("m_axi_") }}({{ "memory_" ~ port.name.removeprefix("m_axi_") }}),
-{% endfor %}
-      .awvalid(1'b0),
-      .awready(),
-      .awaddr({{ widths.m_axi_araddr }}'d0),
-      .awid({{ widths.m_axi_arid }}'d0),
-      .awlen(8'd0),
-      .awsize(3'd0),
-      .awburst(2'd0),
-      .wvalid(1'b0),
-      .wready(),
-      .wdata({{ widths.m_axi_rdata }}'d0),
-      .wstrb({{ widths.m_axi_rdata // 8 }}'d0),
-      .wlast(1'b0),
-      .bvalid(),
-      .bready(1'b1),
-      .bid(),
-      .bresp(),
-      .violation(violation),
-      .read_bursts(),
-      .read_beats(),
-      .busy_cycles(),
-      .write_bursts(),
-      .write_beats()
-  );
-{% endif %}
 
   integer cycle, k, idle, silent, fault, seed;
   reg [31:0] found, wanted;
@@ -228,7 +181,7 @@ module {{ module }}_tb;
   always #5 clk = !clk;
   always @(posedge clk) begin
     cycle = cycle + 1;
-{% if axi %}
+{% if memory %}
     if (!rst && violation !== 1'b0) fail("an AXI4 rule is broken");
 {% endif %}
   end
@@ -256,7 +209,7 @@ module {{ module }}_tb;
 {% endif %}
     write({{ at.status }}, 32'hffffffff, 2'b10);
     if (irq !== 1'b0) fail("an interrupt that nobody wants");
-{% if axi %}
+{% if memory %}
 {% if "base" in at %}
     write({{ at.base }}, 32'd{{ base }}, 2'b00);
 {% else %}

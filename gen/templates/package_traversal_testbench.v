@@ -24,16 +24,19 @@ module {{ module }}_tb;
 
   reg clk, rst, i_valid, o_ready, load, count_clear;
   reg [TAG+IN-1:0] i_payload;
-  wire i_ready, o_valid, loaded, violation;
+  wire i_ready, o_valid, loaded;
   wire [TAG+OUT-1:0] o_payload;
   reg [{{ widths.overlap }}-1:0] overlap;
   wire [{{ widths.load_error }}-1:0] load_error;
 {% for name in counters %}
   wire [{{ widths["count_" ~ name] }}-1:0] count_{{ name }};
 {% endfor %}
-{% for port in axi %}
-  wire [{{ port.width }}-1:0] {{ port.name.removeprefix("m_axi_") }};
-{% endfor %}
+
+  integer round;
+  wire slow = round == 1;
+{% set latency, reorder = "slow ? 16'd60 : 16'd4", "slow ? 8'd100 : 8'd0" %}
+{% set interleave, stall = "slow", "slow ? 8'd60 : 8'd0" %}
+{% include "package_memory.v" %}
 
   {{ module }} unit (
       .clk(clk),
@@ -55,58 +58,10 @@ module {{ module }}_tb;
 {% for name in counters %}
       .count_{{ name }}(count_{{ name }}),
 {% endfor %}
-{% for port in axi %}
-      .{{ port.name }}({{ port.name.removeprefix("m_axi_") }}),
+{% for name in memory.wires %}
+      .m_axi_{{ name }}(memory_{{ name }}),
 {% endfor %}
       .count_clear(count_clear)
-  );
-
-  integer round;
-  wire slow = round == 1;
-
-  axi_memory #(
-      .DATA_WIDTH({{ widths.m_axi_rdata }}),
-      .ADDRESS_WIDTH({{ widths.m_axi_araddr }}),
-      .ID_WIDTH({{ widths.m_axi_arid }}),
-      .MEMORY_BITS({{ memory_bits }})
-  ) memory (
-      .clk(clk),
-      .rst(rst),
-      .latency(slow ? 16'd60 : 16'd4),
-      .bandwidth(9'd256),
-      .reorder(slow ? 8'd100 : 8'd0),
-      .interleave(slow),
-      .stall(slow ? 8'd60 : 8'd0),
-      .seed(32'd{{ seed }}),
-      .error_enable(1'b0),
-      .write_error_enable(1'b0),
-      .error_first({{ widths.m_axi_araddr }}'d0),
-      .error_last({{ widths.m_axi_araddr }}'d0),
-{% for port in axi %}
-      .{{ port.name.removeprefix("m_axi_") }}({{ port.name.removeprefix("m_axi_") }}),
-{% endfor %}
-      .awvalid(1'b0),
-      .awready(),
-      .awaddr({{ widths.m_axi_araddr }}'d0),
-      .awid({{ widths.m_axi_arid }}'d0),
-      .awlen(8'd0),
-      .awsize(3'd0),
-      .awburst(2'd0),
-      .wvalid(1'b0),
-      .wready(),
-      .wdata({{ widths.m_axi_rdata }}'d0),
-      .wstrb({{ widths.m_axi_rdata // 8 }}'d0),
-      .wlast(1'b0),
-      .bvalid(),
-      .bready(1'b1),
-      .bid(),
-      .bresp(),
-      .violation(violation),
-      .read_bursts(),
-      .read_beats(),
-      .busy_cycles(),
-      .write_bursts(),
-      .write_beats()
   );
 
   integer cycle, entered, left, idle, seed, fault, k;

@@ -11,6 +11,7 @@ from enum import Enum
 import numpy as np
 
 from lightloom.golden_model.contract import formats as _F
+from lightloom.golden_model.contract.names import OF_FIELDS, OF_PORTS, check_name
 
 
 class Kind(Enum):
@@ -30,7 +31,7 @@ class Kind(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Unit:
-    """One unit, with a stream of operands and one of results."""
+    """One unit, with a stream of operands and one of results. Raises ValueError for names that cannot be used."""
 
     name: str
     """The name in every room, and of the Verilog module."""
@@ -43,6 +44,11 @@ class Unit:
     """Payload of the output stream, without the tag."""
     config: tuple[str, ...] = ()
     """What its hardware depends on beside the streams: blocks of `rtl.config.Config`, or single fields of them."""
+
+    def __post_init__(self) -> None:
+        check_name("unit", self.name, OF_PORTS)
+        for field in (*(self.input.names or ()), *(self.output.names or ())):
+            check_name(f"unit {self.name}: field", field, OF_FIELDS)
 
 
 def _operator(name: str, summary: str, source: np.dtype, result: np.dtype, *config: str) -> Unit:

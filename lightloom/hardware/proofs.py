@@ -11,7 +11,7 @@ from typing import Any
 
 from lightloom.gen.flow import tools
 from lightloom.gen.formal import mutations
-from lightloom.gen.formal.faults import FAULTS
+from lightloom.gen.formal.faults.catalogue import FAULTS
 from lightloom.gen.formal.properties import HOLDS, Outcome, Property
 from lightloom.gen.formal.solve import PROGRAMS, solve
 from lightloom.golden_model.host.errors import InputError

@@ -22,7 +22,7 @@ from lightloom.golden_model.scene.lightmap import Lightmaps, bilinear_taps
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.policies.options import Comparison
 from lightloom.render.policy_pictures import QUANTITIES, error_colours, relative_error, write_quantity
-from lightloom.shared.difference import relative_mse
+from lightloom.shared.difference import finite_in_both, relative_mse
 
 FILM_FRAMES = 60
 """Frames in the film at most: they are held in memory and in the page."""
@@ -54,17 +54,16 @@ def counted_pixels(straight: np.ndarray, reference: np.ndarray) -> np.ndarray:
 
 def error(image: np.ndarray, reference: np.ndarray) -> float | None:
     """E = sum |I - R| / sum R over the values of (..., 3) that are finite in both; None for a black reference."""
-    finite = np.isfinite(image) & np.isfinite(reference)
-    shown, wanted = image[finite].astype(np.float64), reference[finite].astype(np.float64)
+    shown, wanted = (values.astype(np.float64) for values in finite_in_both(image, reference))
     total = float(wanted.sum())
     return float(np.abs(shown - wanted).sum()) / total if total > 0 else None
 
 
 def energy(image: np.ndarray, reference: np.ndarray) -> float | None:
     """sum I / sum R over the values of (..., 3) that are finite in both; None for a black reference."""
-    finite = np.isfinite(image) & np.isfinite(reference)
-    total = float(reference[finite].sum(dtype=np.float64))
-    return float(image[finite].sum(dtype=np.float64)) / total if total > 0 else None
+    shown, wanted = finite_in_both(image, reference)
+    total = float(wanted.sum(dtype=np.float64))
+    return float(shown.sum(dtype=np.float64)) / total if total > 0 else None
 
 
 def visible_texels(lightmaps: Lightmaps, gbuffer: np.ndarray) -> np.ndarray:

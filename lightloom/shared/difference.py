@@ -77,18 +77,23 @@ def compare_bits(name: str, a: np.ndarray, b: np.ndarray, **measures: Any) -> Di
     )
 
 
+def finite_in_both(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The values of two arrays of one shape that are finite in both, (V,) of each array's type."""
+    finite = np.isfinite(a) & np.isfinite(b)
+    return a[finite], b[finite]
+
+
 def relative_mse(a: np.ndarray, b: np.ndarray) -> float | None:
     """Mean of (A-B)^2 / (B^2 + 0.01) over the values that are finite in both; None if there are none."""
-    finite = np.isfinite(a) & np.isfinite(b)
-    a, b = a[finite].astype(np.float64), b[finite].astype(np.float64)
+    a, b = (values.astype(np.float64) for values in finite_in_both(a, b))
     return float(np.mean((a - b) ** 2 / (b**2 + RELATIVE_MSE_FLOOR))) if a.size else None
 
 
 def energy_ratio(a: np.ndarray, b: np.ndarray) -> float | None:
     """Sum of A over sum of B over the values that are finite in both; None where B has no energy."""
-    finite = np.isfinite(a) & np.isfinite(b)
-    total = float(np.sum(b[finite], dtype=np.float64))
-    return float(np.sum(a[finite], dtype=np.float64)) / total if total else None
+    a, b = finite_in_both(a, b)
+    total = float(np.sum(b, dtype=np.float64))
+    return float(np.sum(a, dtype=np.float64)) / total if total else None
 
 
 def flip_error(a: Picture, b: Picture) -> tuple[float, np.ndarray] | None:

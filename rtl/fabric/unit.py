@@ -11,6 +11,7 @@ from amaranth.lib import stream, wiring
 from amaranth.lib.wiring import In, Out
 
 from lightloom.golden_model.contract.interfaces import Unit
+from lightloom.golden_model.contract.names import OF_PORTS, check_name
 from lightloom.rtl.fabric.counters import COUNTER_BITS, Counter
 from lightloom.rtl.fabric.layouts import packet_of
 
@@ -105,6 +106,9 @@ class UnitComponent(wiring.Component):
         ports: Mapping[str, Port] = MappingProxyType({}),
         float_width: int = 32,
     ):
+        """Raises ValueError for names of ports that cannot be used."""
+        for name in ports:
+            check_name(f"unit {unit.name}: port", name, OF_PORTS)
         self.unit = unit
         self.tag_width = tag_width
         self.ports = ports

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
+from lightloom.golden_model.contract.names import OF_REGISTERS, check_name
 from lightloom.rtl.registers.axi_lite import DATA_BITS
 
 GREATEST = 2 * DATA_BITS
@@ -25,7 +26,7 @@ class Access(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Field:
-    """A field, declared once."""
+    """A field, declared once. Raises ValueError for names that cannot be used."""
 
     name: str
     """Of the field, and of the port of the hardware."""
@@ -41,6 +42,10 @@ class Field:
     """Names of its values, where they have names."""
     held_by: str = ""
     """A read-only field of one bit: while it is 1, a write of the whole register is refused."""
+
+    def __post_init__(self) -> None:
+        for what, name in (("field", self.name), ("register", self.register), *(("value", one) for one in self.values)):
+            check_name(what, name, OF_REGISTERS)
 
 
 @dataclass(frozen=True, kw_only=True)

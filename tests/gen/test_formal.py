@@ -14,7 +14,7 @@ from amaranth.lib.wiring import In, Out
 from lightloom.gen.formal.all_inputs import Gates
 from lightloom.gen.formal.bench import Bench
 from lightloom.gen.formal.catalogue import PROPERTIES
-from lightloom.gen.formal.faults import FAULTS
+from lightloom.gen.formal.faults.catalogue import FAULTS
 from lightloom.gen.formal.mutations import ROOT
 from lightloom.gen.formal.numbers import every_input
 from lightloom.gen.formal.properties import Bounded, Induction, Outcome, Property

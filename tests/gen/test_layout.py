@@ -8,12 +8,15 @@ import pytest
 
 from lightloom.gen.flow.layout import FILES, PROGRAMS, _extent, _wires, place_and_route
 from lightloom.golden_model.host.errors import InputError
+from tests.needs import need, need_package, needs
 
-pytest.importorskip("klayout", reason="pip install 'lightloom[flow]'")
+need_package("klayout", "pip install 'lightloom[flow]'")
 
-import klayout.db as kdb
+import klayout.db as kdb  # noqa: E402 (left out where it is missing)
 
-from lightloom.gen.flow.layout_check import METALS, VIAS, connections, violations, wanted
+from lightloom.gen.flow.layout_check import METALS, VIAS, connections, violations, wanted  # noqa: E402 (it needs klayout)
+
+needs_qflow = needs(all(shutil.which(program) for program in PROGRAMS), "apt install qflow", optional=True)
 
 DEF = """UNITS DISTANCE MICRONS 200 ;
 DIEAREA ( -200 -100 ) ( 1800 900 ) ;
@@ -98,21 +101,21 @@ def test_broken_rules_are_counted(tmp_path: Path) -> None:
     assert violations(layout) == {"width": 1, "spacing": 1, "area": 1}
 
 
-@pytest.mark.skipif(any(shutil.which(program) is None for program in PROGRAMS), reason="apt install qflow")
+@needs_qflow
 def test_a_root_without_the_pdk(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"^--pdk-root .*: holds no sg13g2_tech.lef$"):
         place_and_route("", "float_add", tmp_path, tmp_path)
 
 
 @pytest.mark.long
-@pytest.mark.skipif(any(shutil.which(program) is None for program in PROGRAMS), reason="apt install qflow")
-@pytest.mark.skipif("PDK_ROOT" not in os.environ, reason="PDK_ROOT names no folder with IHP SG13G2")
+@needs_qflow
+@needs("PDK_ROOT" in os.environ, "PDK_ROOT names no folder with IHP SG13G2", optional=True)
 def test_layout_of_a_conversion(tmp_path: Path) -> None:
     from lightloom.hardware.place_and_route import lay_out
 
     root = Path(os.environ["PDK_ROOT"])
-    if not all(any(root.rglob(name)) for name in FILES.values()):
-        pytest.skip("PDK_ROOT holds no IHP SG13G2")
+    there = all(any(root.rglob(name)) for name in FILES.values())
+    need(there, "PDK_ROOT holds no IHP SG13G2", optional=True)
     row = lay_out("fixed_to_float", "tiny", root, tmp_path / "out", 1)["rows"][0]
     assert row["unrouted"] == row["nets_not_in_netlist"] == 0
     assert row["nets_as_in_netlist"] == row["nets_of_netlist"] > 1000

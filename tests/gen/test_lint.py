@@ -14,6 +14,7 @@ from lightloom.sim import toolchain
 from lightloom.sim.emitted import emitted as emitted_text
 from lightloom.sim.run_traversal_bench import SMALL
 from tests import ROOT
+from tests.needs import need_package
 from tests.simulators import needs_icarus
 
 WAIVERS = ROOT / "gen" / "lint.vlt"
@@ -60,7 +61,7 @@ def test_icarus_as_verilog_2001(emitted: Callable[[str], Path], preset: str) -> 
 
 def slang(*sources: Path) -> list[str]:
     """What slang says about files, parsed, elaborated and analysed, that is not waived: message and line."""
-    pyslang = pytest.importorskip("pyslang", reason="slang is missing: pip install pyslang")
+    pyslang = need_package("pyslang", "slang is missing: pip install pyslang")
     driver = pyslang.driver.Driver()
     driver.addStandardArgs()
     options = ["-Weverything", *(f"-Wno-{name}" for name in SLANG_WAIVERS)]

@@ -15,6 +15,7 @@ from lightloom.hardware.package_inputs import CLOCKS, package_units
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
 from tests import ROOT
+from tests.needs import need_package
 from tests.simulators import needs_icarus
 
 UNITS = ["float_compare", "half_to_float", "ray_time"]
@@ -75,7 +76,7 @@ def test_its_own_checks_pass_without_python(copy: Path) -> None:
 @needs_icarus
 def test_behind_a_bus_its_own_checks_pass(tmp_path: Path) -> None:
     """With a prefix; and the same bytes again, PeakRDL's files too."""
-    pytest.importorskip("peakrdl_html", reason="pip install 'lightloom[registers]'")
+    need_package("peakrdl_html", "pip install 'lightloom[registers]'")
     units = ["float_compare", "half_to_float"]
     for name in ("one", "two"):
         package_units(units, "tiny", None, tmp_path / name / "package", prefix="my_", bus="axi4-lite")
@@ -99,7 +100,7 @@ def test_behind_a_bus_its_own_checks_pass(tmp_path: Path) -> None:
 @pytest.mark.icarus
 @needs_icarus
 def test_a_fault_behind_a_bus_is_heard(tmp_path: Path) -> None:
-    pytest.importorskip("peakrdl_html", reason="pip install 'lightloom[registers]'")
+    need_package("peakrdl_html", "pip install 'lightloom[registers]'")
     folder = tmp_path / "package"
     package_units(["half_to_float"], "tiny", None, folder, bus="axi4-lite")
     verilog = folder / "rtl" / "half_to_float_axi4_lite.v"
@@ -231,7 +232,7 @@ def test_whole_package(tmp_path: Path, preset: str) -> None:
 @pytest.mark.icarus
 @needs_icarus
 def test_traversal_behind_a_bus(tmp_path: Path) -> None:
-    pytest.importorskip("peakrdl_html", reason="pip install 'lightloom[registers]'")
+    need_package("peakrdl_html", "pip install 'lightloom[registers]'")
     package_units(["traversal"], "tiny", None, tmp_path / "package", bus="axi4-lite")
     done = make(tmp_path / "package")
     assert done.returncode == 0, done.stdout + done.stderr

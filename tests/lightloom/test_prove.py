@@ -8,7 +8,7 @@ import pytest
 from lightloom.cli import run
 from lightloom.gen.formal import mutations
 from lightloom.gen.formal.catalogue import PROPERTIES
-from lightloom.gen.formal.faults import FAULTS
+from lightloom.gen.formal.faults.catalogue import FAULTS
 from lightloom.golden_model.host.errors import InputError
 from tests import ROOT
 

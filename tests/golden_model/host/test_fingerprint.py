@@ -5,15 +5,14 @@ import os
 import shutil
 import subprocess
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
 from lightloom.golden_model.host.fingerprint import fingerprint, sources
 from tests import ROOT
+from tests.needs import needs_numba
 
-needs_numba = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
 KEEPERS = [
     pytest.param("lightloom.golden_model.tracing.bvh.traversal_numba", marks=needs_numba),
     pytest.param("lightloom.golden_model.tracing.wide_bvh.traversal_numba", marks=needs_numba),

@@ -2,7 +2,6 @@
 
 import itertools
 import json
-import os
 import re
 import struct
 from collections.abc import Callable
@@ -20,6 +19,7 @@ from lightloom.golden_model.scene.mesh import area_vectors, shading_normals
 from lightloom.golden_model.scene.pose import scene_at
 from lightloom.golden_model.scene.scene import Scene, require_light
 from tests import ROOT
+from tests.needs import need
 
 SCENES = ROOT / "scenes"
 CUBE_OBJ = """# a unit cube of quads
@@ -228,11 +228,7 @@ def test_the_documented_motion_loads(tmp_path: Path) -> None:
 def test_committed_scenes_load(path: Path) -> None:
     needed = re.findall(r'^file = "(.*)"', path.read_text(), flags=re.MULTILINE)
     missing = [name for name in needed if not (path.parent / name).is_file()]
-    if missing:
-        reason = f"{missing[0]} is missing: make meshes"
-        if os.environ.get("CI"):
-            pytest.fail(reason)
-        pytest.skip(reason)
+    need(not missing, f"{', '.join(missing)}: make meshes")
     scene = load_scene(path)
     assert scene.name == path.stem
     require_light(scene)

@@ -1,7 +1,5 @@
 """Families of rays are what they say, and tracing them equals brute force in all bits."""
 
-from importlib.util import find_spec
-
 import numpy as np
 import pytest
 
@@ -29,9 +27,9 @@ from lightloom.verif.vectors import ray_vectors
 from tests.golden_model import meshes
 from tests.golden_model.tracing.bvh.test_traversal import assert_same
 from tests.golden_model.tracing_cases import FAMILIES
+from tests.needs import needs_numba
 
 SEED = 90
-needs_numba = pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
 
 
 @pytest.fixture(scope="module")

@@ -3,6 +3,7 @@
 """The layout of register tables."""
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -21,7 +22,7 @@ def test_registers_lie_one_behind_the_other() -> None:
         "control": (0x00, 32),
         "status": (0x04, 32),
         "events": (0x08, 32),
-        "level": (0x0C, 32),
+        "limit": (0x0C, 32),
         "place_low": (0x10, 32),
         "place_high": (0x14, 32),
         "load": (0x18, 32),
@@ -43,24 +44,40 @@ def test_what_is_too_wide_to_be_written_has_halves() -> None:
     assert (high.name, high.width, high.reset) == ("place_high", 8, 5)
 
 
-LEVEL = FIELDS[5]
+LIMIT = FIELDS[5]
 
 
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
-        ([LEVEL, LEVEL], "two fields are named level"),
-        ([LEVEL, replace(LEVEL, name="more")], "register level: 40 bits of level, more"),
+        ([LIMIT, LIMIT], "two fields are named limit"),
+        ([LIMIT, replace(LIMIT, name="more")], "register limit: 40 bits of limit, more"),
         ([replace(FIELDS[-1], width=65)], "register total: 65 bits of total"),
-        ([replace(LEVEL, held_by="nothing")], "no field is named nothing"),
-        ([LEVEL, replace(LEVEL, name="more", width=1, held_by="level")], "its fields are held by different ones"),
-        ([replace(LEVEL, reset=1 << 20)], "level: cannot be 1048576 after a reset"),
+        ([replace(LIMIT, held_by="nothing")], "no field is named nothing"),
+        ([LIMIT, replace(LIMIT, name="more", width=1, held_by="limit")], "its fields are held by different ones"),
+        ([replace(LIMIT, reset=1 << 20)], "limit: cannot be 1048576 after a reset"),
         ([replace(FIELDS[0], width=2)], "go: an event or a strobe has one bit"),
     ],
 )
 def test_what_cannot_be_laid_out_is_refused(fields: list[Field], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         table_of(fields)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"name": "field"}, "field 'field': a keyword of SystemRDL; choose another name"),
+        ({"name": "class"}, r"field 'class': a keyword of C\+\+; choose another name"),
+        ({"register": "reg"}, "register 'reg': a keyword of SystemRDL; choose another name"),
+        ({"register": "default"}, r"register 'default': a keyword of SystemRDL, C, C\+\+; choose another name"),
+        ({"values": {"none": 0, "int": 1}}, r"value 'int': a keyword of SystemRDL, C, C\+\+; choose another name"),
+        ({"name": "Limit"}, "field 'Limit': a name is words of a to z and 0 to 9, joined by single underscores"),
+    ],
+)
+def test_what_some_language_cannot_write_is_refused(changed: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=f"^{said}$"):
+        replace(LIMIT, **changed)
 
 
 @pytest.mark.parametrize("unit", CATALOGUE)

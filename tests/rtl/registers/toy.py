@@ -15,7 +15,7 @@ FIELDS = (
     ),
     Field(name="over", register="events", access=Access.W1C, meaning="Becomes 1 at the end; writing 1 makes it 0."),
     Field(name="lost", register="events", access=Access.W1C, meaning="Becomes 1 at a loss; writing 1 makes it 0."),
-    Field(name="level", register="level", width=20, access=Access.RW, reset=0x4321, meaning="Sets the level."),
+    Field(name="limit", register="limit", width=20, access=Access.RW, reset=0x4321, meaning="Sets the limit."),
     Field(name="place", register="place", width=40, access=Access.RW, reset=0x5_0000_0007, meaning="Sets the place."),
     Field(name="load", register="load", width=9, access=Access.RW, held_by="busy", meaning="Sets the load."),
     Field(name="send", register="send", access=Access.W1P, held_by="busy", meaning="Writing 1 sends the load."),

@@ -1,7 +1,5 @@
 """Traversal against brute force in all bits, whatever the tree, and its two backends against each other."""
 
-from importlib.util import find_spec
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -20,10 +18,11 @@ from lightloom.golden_model.tracing.recorder import TestRecorder
 from lightloom.verif.vectors import ray_vectors
 from tests.golden_model import meshes
 from tests.golden_model.tracing_cases import FAMILIES, random_soup
+from tests.needs import needs_numba
 
 BACKENDS = [
     "numpy",
-    pytest.param("numba", marks=pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")),
+    pytest.param("numba", marks=needs_numba),
 ]
 SEEDS = 12
 
@@ -109,7 +108,7 @@ def test_the_order_of_triangles_only_renames_them(backend: str) -> None:
     assert_same(two, one, rays, "seed 20")
 
 
-@pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
+@needs_numba
 def test_backends_agree_on_hits_and_tests() -> None:
     """Not only the hits: the same nodes visited, and the same tests made."""
     rng = np.random.default_rng(30)
@@ -129,7 +128,7 @@ def test_backends_agree_on_hits_and_tests() -> None:
         assert equal(a.sample(), b.sample()).all()
 
 
-@pytest.mark.skipif(find_spec("numba") is None, reason="numba is not installed")
+@needs_numba
 def test_backends_agree_on_adversarial_rays() -> None:
     for family in FAMILIES:
         for seed in range(5):

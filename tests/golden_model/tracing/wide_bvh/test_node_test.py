@@ -18,6 +18,7 @@ from lightloom.golden_model.contract.formats import (
     WIDTH,
 )
 from lightloom.golden_model.tracing.wide_bvh.node_test import node_test
+from tests.needs import needs_numba
 
 SEED = 41
 COUNT = 20_000
@@ -63,9 +64,9 @@ def fields_of(tests: np.ndarray, dtype: np.dtype) -> np.ndarray:
     return out
 
 
+@needs_numba
 @pytest.mark.parametrize("family", OPERANDS)
 def test_the_compiled_twin_agrees(family: str) -> None:
-    pytest.importorskip("numba")
     from lightloom.golden_model.tracing.compiled import compiled
     from lightloom.golden_model.tracing.wide_bvh.node_test_numba import COMPILED_RAY, node_hits
 

@@ -13,6 +13,7 @@ from lightloom.golden_model.contract.formats import BOX_WIDTHS
 from lightloom.golden_model.stimuli import box_families
 from lightloom.golden_model.tracing.wide_bvh import box_setup, node_test
 from tests.golden_model.narrow_boxes import LARGER, SMALL, TINY, UNIT, Narrow, position_bounds, slope_bounds
+from tests.needs import need_package
 
 OWN_ROUNDING = 5
 """What PAD holds for the box test itself, in the ray's units; the rest of it is `box_families.PADDING`."""
@@ -21,7 +22,7 @@ OWN_ROUNDING = 5
 @cache
 def compiled_search() -> Any:
     """A search for distances that are not conservative; see `violations`."""
-    numba = pytest.importorskip("numba")
+    numba = need_package("numba", "numba is not installed")
     corner_distance, base_products = numba.njit(node_test.corner_distance), numba.njit(node_test.base_products)
     planes_met, plane_products = numba.njit(node_test.planes_met), numba.njit(node_test.plane_products)
     saturated = numba.njit(node_test.saturated)

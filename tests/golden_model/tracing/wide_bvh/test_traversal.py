@@ -27,10 +27,10 @@ from lightloom.verif.vectors import ray_vectors
 from tests.golden_model import meshes
 from tests.golden_model.tracing.test_watertight import Mesh
 from tests.golden_model.tracing_cases import FAMILIES, random_soup
+from tests.needs import needs_numba
 
 SEED = 70
 NUMBA = find_spec("numba") is not None
-needs_numba = pytest.mark.skipif(not NUMBA, reason="numba is not installed")
 BACKENDS = ["numpy", pytest.param("numba", marks=needs_numba)]
 Oracle = Callable[..., np.ndarray]
 CLOSED = [

@@ -21,7 +21,7 @@ def _fault(file: str, name: str, old: str, new: str, what: str) -> Mutation:
     return Mutation(name=name, file=file, old=old, new=new, what=what, checks=CHECKS[file])
 
 
-TEXEL_FAULTS = (
+FAULTS = (
     _fault(PROJECT, "eye-from-texel", "position[k], eye[k])", "eye[k], position[k])", "the eye relative to the texel"),
     _fault(PROJECT, "depth-sideways", '"depth", moved, forward', '"depth", moved, right', "depth along another axis"),
     _fault(PROJECT, "rows-upwards", 'f.negate("down", along)', "along", "rows count from the bottom"),
@@ -30,7 +30,7 @@ TEXEL_FAULTS = (
     _fault(PROJECT, "near-ignored", 'beyond["greater"], off', 'facing["greater"], off', "nothing is too near"),
     _fault(PROJECT, "off-by-a-texel", 'off["less"]\n', 'off["greater"]\n', "only what is off the screen is on it"),
     _fault(PROJECT, "one-side-of-the-screen", "before, f.subtract", "coordinate, f.subtract", "no left and upper end"),
-    _fault(PROJECT, "half-of-the-width", "size[23:31] - 1", "size[23:31] - 2", "the middle is at a quarter"),
+    _fault(PROJECT, "half-of-the-width", 'half", late, 1)', 'half", late, 2)', "the middle is at a quarter"),
     _fault(
         PROJECT, "taps-from-corners", "doubled.as_signed() - 1", "doubled.as_signed()", "pixels' corners, not centres"
     ),
@@ -86,7 +86,7 @@ TEXEL_FAULTS = (
     ),
     _fault(DOWN, "towards-zero", "up=remains & sign", "up=remains & ~sign", "positive numbers are rounded up"),
     _fault(DOWN, "minus-zero", "remains & Value.cast(a)[f.fraction_bits : -1].any()", "remains", "-0 becomes -1"),
-    _fault(WIDE, "ties-up", "(guard & (sticky | kept[0]))", "guard", "ties are raised"),
+    _fault(WIDE, "wide-ties-up", "(guard & (sticky | kept[0]))", "guard", "ties are raised"),
     _fault(
         WIDE, "sticky-short", "scaled[: lost - 1].any()", "scaled[lost - 8 : lost - 1].any()", "far bits do not count"
     ),

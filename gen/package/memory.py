@@ -1,0 +1,30 @@
+"""The memory of a testbench: what of it a unit's port reaches, and what is tied off."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from amaranth import Shape
+from amaranth.lib.wiring import Out
+
+from lightloom.gen.verilog import AXI
+from lightloom.gen.watched import Port, axi_of
+from lightloom.rtl.memory.axi import Axi
+
+
+def memory_port(unit: Mapping[str, Any]) -> dict[str, Any]:
+    """What the template of a memory needs, from the manifest of a unit that has a memory port.
+
+    `wires` are the signals of that port, by AXI's names, with their widths; `unused` those that the memory has besides:
+    its inputs with their widths, its outputs with 0.
+    """
+    ports = {port["name"]: Port(port["direction"], port["width"]) for port in unit["ports"]}
+    one = axi_of(ports).ports[0]
+    widths = {"address_width": one.address_width, "data_width": one.data_width, "id_width": one.id_width}
+    wires, unused = {}, {}
+    for part in Axi(**widths).ports:
+        for name, member in part.members.items():
+            if f"{AXI}_{name}" in ports:
+                wires[name] = ports[f"{AXI}_{name}"].width
+            else:
+                unused[name] = Shape.cast(member.shape).width if member.flow == Out else 0
+    return widths | {"wires": wires, "unused": unused}
