@@ -1,5 +1,6 @@
 """The faults that `gen.formal.mutations` puts in: what is wrong, and which checks have to notice."""
 
+from lightloom.gen.formal.front_faults import FRONT_FAULTS
 from lightloom.gen.formal.mutations import Mutation
 from lightloom.gen.formal.texel_faults import TEXEL_FAULTS
 
@@ -1802,5 +1803,5 @@ _FAULTS = (
         checks=SHARED_BY_SOFTWARE,
     ),
 )
-FAULTS = {one.name: one for one in (*_FAULTS, *TEXEL_FAULTS)}
+FAULTS = {one.name: one for one in (*_FAULTS, *TEXEL_FAULTS, *FRONT_FAULTS)}
 """By name."""
