@@ -29,10 +29,8 @@ class Sizes:
     """At random, of reads and of writes."""
     few: int = 12
     """Rays through registers."""
-    many: int = 2000
-    """Rays of the streams while counters are read."""
-    rounds: int = 12
-    """Times that counters carry while they are read."""
+    torn: int = 5
+    """Times that a counter carries between the reads of its halves."""
     times: int = 4
     """Aborts in each phase."""
     settle: int = 250

@@ -8,7 +8,7 @@ from lightloom.sim.run_front_bench import Sizes, run_front_bench
 from tests.simulators import needs_icarus
 
 SEED = 1931
-SMALLER = Sizes(accesses=120, few=3, rounds=6, times=1)
+SMALLER = Sizes(accesses=120, few=3, torn=2, times=1)
 """For Icarus, which is there for what is undefined and for the order of events."""
 PARTS = {
     "registers": ("reset_values|accesses_at_random", 8),

@@ -30,8 +30,8 @@ class FrontBench(TraversalBench):
         self.registers: list[dict[str, Any]] = self.run["registers"]
         self.places = {field["name"]: (one, field) for one in self.registers for field in one["fields"]}
         self.offsets = {one["name"]: one["offset"] for one in self.registers}
-        self.accesses, self.many, self.rounds, self.times, self.settle = (
-            self.run[name] for name in ("accesses", "many", "rounds", "times", "settle")
+        self.accesses, self.torn, self.times, self.settle = (
+            self.run[name] for name in ("accesses", "torn", "times", "settle")
         )
 
     async def begin(self, *, willing: str = "always", memory: str = "brisk", **options: Any) -> None:
