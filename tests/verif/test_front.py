@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from lightloom.sim.run_front_bench import Sizes, run_front_bench
+from lightloom.sim.run_traversal_front_bench import Sizes, run_front_bench
 from tests.simulators import needs_icarus
 
 SEED = 1931

@@ -17,7 +17,7 @@ RAYS = 6000
 @cocotb.test()
 @cocotb.parametrize(willing=["always", "half", "bursts"])
 async def counters_are_read_whole(dut: Any, willing: str) -> None:
-    """Counters that begin just below a carry (`sim.run_front_bench`) are read while they run, until
+    """Counters that begin just below a carry (`sim.run_traversal_front_bench`) are read while they run, until
     enough of them have carried between the reads of their halves: none is ever torn."""
     bench = FrontBench(dut)
     await bench.begin(willing=willing)
