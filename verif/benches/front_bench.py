@@ -35,7 +35,7 @@ class FrontBench(TraversalBench):
         )
 
     async def begin(self, *, willing: str = "always", memory: str = "brisk", **options: Any) -> None:
-        self.lite = LiteMaster(self.dut, self.registers, self.rng)
+        self.lite = LiteMaster(self.dut, self.registers, self.rng, self.seed)
         self.lite.stall(willing)
         await self.start({"axi_forget": 0}, MEMORIES[memory])
 
