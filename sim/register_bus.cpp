@@ -1,26 +1,21 @@
-// The Verilated system of register_bus.v, for a program in C (register_bus.h): each access is a transfer on AXI4-Lite.
+// The Verilated system of a unit behind AXI4-Lite, for a program in C (register_bus.h): each access is a transfer.
 //
 // Everything that the bus sees of the unit is a register there, so what is ready or valid before a rising edge is what
 // was so behind the one before.
 
-#include <cinttypes>
-#include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <memory>
 #include <string>
 
-#include "Vregister_bus.h"
-#include "harness.h"
 #include "register_bus.h"
+#include "system.h"
 
 namespace {
 
 constexpr uint64_t PATIENCE = 100000;  // cycles that an answer may take
 constexpr unsigned OKAY = 0;
 
-std::unique_ptr<VerilatedContext> context;
-std::unique_ptr<Vregister_bus> bus;
+std::unique_ptr<harness::System> whole;
+Vsystem* bus = nullptr;  // its top
 harness::Stalls stalls{0};
 uint64_t cycles = 0;
 
@@ -30,9 +25,8 @@ uint64_t cycles = 0;
 }
 
 void tick() {
-    bus->clk = 0, bus->eval();
-    bus->clk = 1, bus->eval();
-    if (context->gotFinish()) std::exit(1);  // the memory has said why
+    whole->clock();
+    if (whole->over()) std::exit(1);
     ++cycles;
 }
 
@@ -43,15 +37,14 @@ extern "C" {
 void system_start(const char* image, uint64_t seed) {
     const std::string name = std::string("+image=") + image;
     const char* arguments[] = {"register_bus", name.c_str()};
-    context = std::make_unique<VerilatedContext>();
-    context->commandArgs(2, arguments);
-    bus = std::make_unique<Vregister_bus>(context.get());
+    whole = std::make_unique<harness::System>(2, arguments);
+    bus = &whole->top();
     stalls = harness::Stalls{seed};
-    bus->seed = static_cast<uint32_t>(seed) | 1;
-    bus->rst = 1;
-    for (int k = 0; k < 4; ++k) tick();
-    bus->rst = 0;
-    tick();
+    // A memory that does what memories may do.
+    whole->set({MEMORY_LATENCY}, 40), whole->set({MEMORY_BANDWIDTH}, 256), whole->set({MEMORY_REORDER}, 64);
+    whole->set({MEMORY_INTERLEAVE}, 1), whole->set({MEMORY_STALL}, 32), whole->set({MEMORY_SEED}, static_cast<uint32_t>(seed) | 1);
+    whole->reset(3);
+    cycles = 5;
 }
 
 unsigned register_try_write(uint32_t offset, uint32_t value, unsigned strobes) {
@@ -111,12 +104,8 @@ int interrupt(void) {
 }
 
 uint64_t system_end(void) {
-    if (bus->violation || bus->axi_master_rule || bus->axi_slave_rule) {
-        std::fprintf(stderr, "register_bus: a rule of AXI4 is broken at the memory: %u, %u\n",
-                     unsigned{bus->axi_master_rule}, unsigned{bus->axi_slave_rule});
-        std::exit(1);
-    }
-    bus->final();
+    if (!whole->keeps_rules()) std::exit(1);
+    whole->end();
     return cycles;
 }
 

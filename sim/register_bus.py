@@ -5,16 +5,13 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
-from lightloom.gen.watched import axi_of, checker, ports_of
-from lightloom.golden_model.contract import bitpack
-from lightloom.golden_model.contract.axi_rules import AXI_RULES
 from lightloom.golden_model.contract.interfaces import UNITS
 from lightloom.rtl.config import Config
-from lightloom.sim import verilated
 from lightloom.sim.emitted import emitted
+from lightloom.sim.system import System
 
 HERE = Path(__file__).parent
-TOP, HARNESS, MEMORY = (HERE / name for name in ("register_bus.v", "register_bus.cpp", "axi_memory.v"))
+HARNESS = HERE / "register_bus.cpp"
 WARNINGS = ("-Wall", "-Wextra", "-Werror")
 
 
@@ -33,30 +30,19 @@ def compiled(
     unit's text. No warning is let pass. Raises CalledProcessError where the program does not compile.
     """
     text = emitted(unit, config, bus="axi4-lite") if verilog is None else verilog
-    ports = ports_of(text, f"{unit}_axi4_lite")
-    defines = {
-        "QUERY_BITS": bitpack.width(UNITS[unit].input),
-        "RESULT_BITS": bitpack.width(UNITS[unit].output),
-        "TAG_BITS": config.streams.tag_width,
-        "BUS_ADDRESS_BITS": ports["s_axi_awaddr"].width,
-        "ADDRESS_BITS": ports["m_axi_araddr"].width,
-        "AXI_BITS": ports["m_axi_rdata"].width,
-        "ID_BITS": ports["m_axi_arid"].width,
-        "MEMORY_BITS": memory_bits,
-        "RULE_BITS": len(AXI_RULES).bit_length(),
-    }
     with tempfile.TemporaryDirectory(prefix="lightloom-") as scratch:
         part = Path(scratch) / "program.o"
         paths = [f"-I{folder}" for folder in (HERE, *includes)]
         command = ["gcc", "-std=gnu11", "-O1", *WARNINGS, *paths, "-c", str(program), "-o", str(part)]
         subprocess.run(command, check=True, capture_output=True, text=True)
-        return verilated.build(
-            "registers",
-            text + checker(axi_of(ports)),
-            top=TOP,
-            others=[MEMORY],
-            harness=HARNESS,
-            defines=[f"{name}={value}" for name, value in defines.items()],
+        return System(
+            f"{unit}_axi4_lite",
+            text,
+            input=UNITS[unit].input,
+            output=UNITS[unit].output,
+            tag_width=config.streams.tag_width,
+            memory_bits=memory_bits,
             optimised=False,
+            harness=HARNESS,
             objects=[part],
-        )
+        ).binary

@@ -3,25 +3,16 @@
 Rays in, results in the order of the rays out, and what the unit and the memory have counted.
 """
 
-import re
-import subprocess
-import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from lightloom.gen.watched import axi_of, checker, ports_of
-from lightloom.golden_model.contract import bitpack
-from lightloom.golden_model.contract.axi_rules import AXI_RULES, rule_of
 from lightloom.golden_model.contract.formats import BLOCK_BYTES, RAY_QUERY, RAY_RESULT
 from lightloom.golden_model.host.errors import InputError
 from lightloom.rtl.config import PRESETS, Config
-from lightloom.sim import verilated
 from lightloom.sim.emitted import emitted
+from lightloom.sim.system import Content, Manner, RunError, System, strobe, until
 
-HERE = Path(__file__).parent
-TOP, HARNESS, MEMORY = (HERE / name for name in ("traversal_run.v", "traversal_run.cpp", "axi_memory.v"))
 BASE = 4096
 """Byte address of the tree: not zero, so that a unit which leaves it out is found out."""
 MEMORY_BITS = 27
@@ -29,10 +20,16 @@ MEMORY_BITS = 27
 GREATEST_MEMORY_BITS = 30
 WORKING = ("node_tests", "leaf_visits")
 """Counters that move as long as the unit works on a ray."""
+STEPS = (
+    strobe("load"),
+    until(["loaded", "load_error"], "the unit hangs: it does not load the tree"),
+    strobe("count_clear"),
+)
+"""Before the first ray."""
 
 
-class TraversalError(AssertionError):
-    """The unit broke the rules of its streams or of AXI: a tag that is not a ray's, a lost result, a hang."""
+TraversalError = RunError
+"""The unit broke the rules of its streams or of AXI: a tag that is not a ray's, a lost result, a hang."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,38 +76,13 @@ class TraversalUnit:
         optimised: bool = True,
     ):
         self.config = config
-        self._memory_bytes = 1 << memory_bits
-        verilog = emitted("traversal", config) if verilog is None else verilog
-        ports = port_widths(verilog, "traversal")
-        self._counters = [name.removeprefix("count_") for name in ports if name.startswith("count_")]
-        self._counters.remove("clear")
-        counters = [
-            f".count_{name}(counters[{64 * k + ports[f'count_{name}'] - 1}:{64 * k}]),"
-            for k, name in enumerate(self._counters)
-        ]
-        defines = {
-            "QUERY_BITS": bitpack.width(RAY_QUERY),
-            "RESULT_BITS": bitpack.width(RAY_RESULT),
-            "TAG_BITS": config.streams.tag_width,
-            "ADDRESS_BITS": ports["m_axi_araddr"],
-            "AXI_BITS": ports["m_axi_rdata"],
-            "ID_BITS": ports["m_axi_arid"],
-            "LOAD_ERROR_BITS": ports["load_error"],
-            "OVERLAP_BITS": ports["overlap"],
-            "TIMEOUT_BITS": ports["read_timeout"],
-            "MEMORY_BITS": memory_bits,
-            "COUNTER_NUMBER": len(self._counters),
-            "RULE_BITS": len(AXI_RULES).bit_length(),
-            "COUNTERS": "".join(counters),
-            "PROGRESS": ",".join(str(self._counters.index(name)) for name in WORKING),
-        }
-        self._binary = verilated.build(
+        self.system = System(
             "traversal",
-            verilog + checker(axi_of(ports_of(verilog, "traversal"))),
-            top=TOP,
-            others=[MEMORY],
-            harness=HARNESS,
-            defines=[f"{name}={value}" for name, value in defines.items()],
+            emitted("traversal", config) if verilog is None else verilog,
+            input=RAY_QUERY,
+            output=RAY_RESULT,
+            tag_width=config.streams.tag_width,
+            memory_bits=memory_bits,
             optimised=optimised,
         )
 
@@ -141,72 +113,47 @@ class TraversalUnit:
         """
         if queries.dtype != RAY_QUERY:
             raise TypeError(f"queries are of dtype RAY_QUERY, not {queries.dtype}")
-        if stall_seed is not None and not 0 < stall_seed < 1 << 63:
-            raise ValueError("stall_seed must be 1 to 2**63 - 1")
         image = np.ascontiguousarray(blocks, dtype="<u4").tobytes()
-        if base + len(image) > self._memory_bytes:
+        if base + len(image) > self.system.memory_bytes:
             raise InputError(
                 f"a tree of {len(image):,} bytes at {base:,} is more than the simulated memory holds, "
-                f"{self._memory_bytes:,}; use a smaller scene"
+                f"{self.system.memory_bytes:,}; use a smaller scene"
             )
-        options = {
-            "overlap": self.config.traversal.overlap if overlap is None else overlap,
-            "latency": latency,
-            "bandwidth": bandwidth,
-            "reorder": reorder,
-            "interleave": int(interleave),
-            "stall": memory_stall,
-            "seed": seed,
-            "stall_seed": stall_seed or 0,
-            "base": base,
-            "read_timeout": read_timeout,
-            # A ray may visit every block several times, one after the other.
-            "patience": 1_000_000 + 8 * len(blocks) * (1000 + latency),
-        }
+        errors: dict[str, int] = {}
         if bad_blocks is not None:
             first, last = bad_blocks
-            options |= {"error_enable": 1, "error_first": base + first * BLOCK_BYTES}
-            options |= {"error_last": base + (last + 1) * BLOCK_BYTES - 1}
-        words = bitpack.words(RAY_RESULT)
-        with tempfile.TemporaryDirectory(prefix="lightloom-") as scratch:
-            source, target, memory = (Path(scratch) / name for name in ("queries", "results", "image"))
-            bitpack.pack(queries).tofile(source)
-            with target.open("wb") as file:
-                file.truncate(len(queries) * words * 4)
-            with memory.open("wb") as file:
-                file.seek(base)
-                file.write(image)
-            command = [str(self._binary), str(source), str(target), str(len(queries))]
-            command += [f"{name}={value}" for name, value in options.items()]
-            done = subprocess.run([*command, f"+image={memory}"], capture_output=True, text=True)
-            packed = np.fromfile(target, dtype=np.uint32).reshape(-1, words)
-        if done.returncode:
-            said = [line for line in done.stdout.splitlines() if line.startswith("axi_memory:")][:1]
-            rules = [line.split()[1:] for line in done.stdout.splitlines() if line.startswith("axi_rules ")]
-            broken = [rule_of(int(number)) for numbers in rules for number in numbers if int(number)]
-            message = "; ".join([done.stderr.strip() or str(done.returncode), *broken, *said])
-            raise TraversalError(
-                f"traversal ({', '.join(f'{name} {value}' for name, value in options.items())}): {message}"
-            )
-        figures = [line.split() for line in done.stdout.splitlines()]
-        counts = [int(value) for name, value in figures if name == "counter"]
-        figure = {name: value for name, value in figures if name != "counter"}
-        return TraversalRun(
-            results=bitpack.unpack(packed, RAY_RESULT),
-            cycles=int(figure["cycles"]),
-            counters=dict(zip(self._counters, counts, strict=True)),
-            bursts=int(figure["bursts"]),
-            beats=int(figure["beats"]),
-            load_error=int(figure["load_error"]),
-            most_in_flight=int(figure["most_in_flight"]),
-            throughput=int(figure["simulated"]) / float(figure["seconds"]),
+            errors = {"error_enable": 1, "error_first": base + first * BLOCK_BYTES}
+            errors |= {"error_last": base + (last + 1) * BLOCK_BYTES - 1}
+        run = self.system.run(
+            queries,
+            controls={
+                "overlap": self.config.traversal.overlap if overlap is None else overlap,
+                "base": base,
+                "read_timeout": read_timeout,
+            },
+            steps=STEPS,
+            manner=Manner(
+                latency=latency,
+                bandwidth=bandwidth,
+                reorder=reorder,
+                interleave=int(interleave),
+                stall=memory_stall,
+                seed=seed,
+                **errors,
+            ),
+            content=Content(base=base, image=image),
+            stall_seed=stall_seed,
+            # A ray may visit every block several times, one after the other.
+            patience=1_000_000 + 8 * len(blocks) * (1000 + latency),
+            working=WORKING,
         )
-
-
-def port_widths(verilog: str, module: str) -> dict[str, int]:
-    """Width in bits of every port of a module, from its text as Yosys writes it."""
-    start = re.search(rf"^module {module}\(", verilog, re.MULTILINE)
-    assert start is not None, f"no module {module}"
-    text = verilog[start.start() : verilog.index("endmodule", start.start())]
-    ports = re.findall(r"^  (?:input|output) (?:\[(\d+):0\] )?(\w+);", text, re.MULTILINE)
-    return {name: int(high or 0) + 1 for high, name in ports}
+        return TraversalRun(
+            results=run.results,
+            cycles=run.cycles,
+            counters=run.counters,
+            bursts=run.figures["read_bursts"],
+            beats=run.figures["read_beats"],
+            load_error=run.statuses["load_error"],
+            most_in_flight=run.most_in_flight,
+            throughput=run.throughput,
+        )

@@ -35,6 +35,7 @@ def build(
     top: Path,
     others: Sequence[Path] = (),
     harness: Path,
+    headers: Sequence[Path] = (),
     defines: Sequence[str],
     optimised: bool = True,
     objects: Sequence[Path] = (),
@@ -42,16 +43,17 @@ def build(
     """The simulator's binary, from the cache where it holds one.
 
     `name` is part of the file's name; `verilog` the text under test, `top` the file of the module around it, which has
-    the file's name and may use the modules in `others`. `harness` is C++ that includes "V<top>.h". `defines`, such as
-    "TAG_BITS=8", hold for the Verilog and the C++. Not `optimised`, it is compiled in a fraction of the time.
-    `objects` are compiled files that are linked with it, such as one with `main`, where the harness has none.
+    the file's name and may use the modules in `others`. `harness` is C++ that includes "V<top>.h" and may include
+    `headers`. `defines`, such as "TAG_BITS=8", hold for the Verilog and the C++. Not `optimised`, it is compiled in a
+    fraction of the time. `objects` are compiled files that are linked with it, such as one with `main`, where the
+    harness has none.
     """
     verilator, compiler = toolchain.verilator(), toolchain.compiler()
     options = ["--cc", "--prefix", f"V{top.stem}", "--top-module", top.stem, *VERILATE]
     macros = [f"-D{define}" for define in defines]
     compile_ = COMPILE if optimised else [*COMPILE, "-O0"]
     sharing = _sharing(verilog)
-    texts = [path.read_text() for path in (top, *others, harness, HEADER)]
+    texts = [path.read_text() for path in (top, *others, harness, *headers, HEADER)]
     recipe = [verilog, sharing, *texts, *options, *compile_, *macros]
     recipe += [verilator.version, toolchain.compiler_version()]
     recipe += [hashlib.sha256(path.read_bytes()).hexdigest() for path in objects]

@@ -43,11 +43,24 @@ static void *words_of(const char *path, size_t count) {
   return words;
 }
 
+/* The tree's address: two registers, or one where the memory's addresses have 32 bits. */
+static void set_base(uint64_t base) {
+#ifdef TRAVERSAL_AXI4_LITE_REGISTERS__BASE_HIGH__BASE_HIGH_bm
+  register_write(AT(base_low), (uint32_t)base);
+  register_write(AT(base_high), (uint32_t)(base >> 32));
+#else
+  if (base >> 32) {
+    fprintf(stderr, "no address of the memory: 0x%" PRIx64 "\n", base);
+    exit(1);
+  }
+  register_write(AT(base), (uint32_t)base);
+#endif
+}
+
 /* Has the tree loaded, and waits for the interrupt that says so. Returns why it was refused, or 0. */
 static unsigned load(uint64_t base) {
   uint32_t status;
-  register_write(AT(base_low), (uint32_t)base);
-  register_write(AT(base_high), (uint32_t)(base >> 32));
+  set_base(base);
   register_write(AT(event_enables), MASK(EVENT_ENABLES, LOAD_OVER_ENABLE));
   register_write(AT(control), MASK(CONTROL, LOAD));
   while (!interrupt()) {

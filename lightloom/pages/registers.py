@@ -48,7 +48,8 @@ so is what is answered: no path leads from an input of the port to one of its ou
 - A control of more than 32 bits is two registers, NAME_low and NAME_high.
 - A register of 64 bits is read by its lower word first: that keeps the upper word, and a read of any upper word gives
   what was kept last. So a counter is whole, as long as nobody reads another one between its halves.
-  SystemRDL has no word for that: a block that PeakRDL-regblock makes of the file reads both halves as they are.
+  The SystemRDL says so by `buffer_reads`, a property that PeakRDL-regblock knows: a block that it makes of the file
+  keeps the upper word of each such register by itself.
 
 `irq` is high while an event has happened, is not cleared, and its bit in `event_enables` is 1.
 
@@ -88,6 +89,7 @@ model's results, in all bits.
 | the protocol and what accesses do: proved for all time; its faults are noticed | `gen/formal/register_block.py` |
 | the register block against a model, all channels stalled, all that it reads in motion | `tests/rtl/registers/` |
 | registers and streams at a time, by cocotbext-axi's master, on both simulators | `verif/benches/test_registers.py` |
+| resets, events while they are cleared, interrupt, counters that carry, aborts | `verif/benches/test_front*.py` |
 | rays through registers by a program in C, and aborts, on Verilator | `tests/sim/test_register_bus.py` |
 | PeakRDL's regblock, html, ip-xact and c-header read the SystemRDL | `tests/gen/test_package_files.py` |
 """

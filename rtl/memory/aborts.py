@@ -12,9 +12,9 @@ ABORT = {"abort": In(1), "tick": In(1), "timed": In(1), "aborting": Out(1)}
 """Ports of whatever ends what is under way at a memory port.
 
 `abort`, a strobe: nothing new begins from the next cycle on. `aborting` is high from then until all that had begun is
-over; another `abort` meanwhile changes nothing. `timed` and `tick` say when that is: while `timed` is low, when all
-that was asked for has come; while it is high, when from one `tick` to the next nothing was offered and nothing came,
-however much has come.
+over; another `abort` meanwhile only makes it last as long as that is high. `timed` and `tick` say when that is: while
+`timed` is low, when all that was asked for has come; while it is high, when from one `tick` to the next nothing was
+offered and nothing came, however much has come.
 """
 
 

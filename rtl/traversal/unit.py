@@ -101,7 +101,8 @@ class Traversal(UnitComponent):
     - `abort`: strobe, rays and tree are forgotten. `aborting` is high from the next cycle until all reads under way
       have been answered, or with a `read_timeout` until the memory has been silent for so long; no ray is taken
       meanwhile, and a `load` is lost. Then all is as after a reset.
-    - `overlap`: how many visits of a ray may be under way, 1 to `config.traversal.overlap`.
+    - `overlap`: how many visits of a ray may be under way, 1 to `config.traversal.overlap`; 0 counts as 1, and more as
+      the most.
     - `count_<name>`: counters (COUNTERS); `count_clear` sets them to 0.
     """
 
@@ -145,7 +146,8 @@ class Traversal(UnitComponent):
             "overlap": Port(
                 width=config.traversal.overlap_bits,
                 role=Role.CONTROL,
-                meaning="greatest number of visits of one ray in flight, from 1 (strict order) up",
+                meaning="greatest number of visits of one ray in flight, from 1 (strict order) up; 0 counts as 1, and "
+                f"more than {config.traversal.overlap} as {config.traversal.overlap}",
                 reset=config.traversal.overlap,
             ),
             "read_timeout": Port(

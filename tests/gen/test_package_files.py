@@ -200,6 +200,11 @@ def test_peakrdl_reads_it(fronts: dict[str, dict[str, Any]], tmp_path: Path, pro
     if program == "regblock":
         text = (tmp_path / "out" / "traversal_axi4_lite_registers.sv").read_text()
         assert "module traversal_axi4_lite_registers (" in text
+        # What is read in two words is kept whole by a read of the lower one.
+        wide = {register["name"] for register in unit["registers"] if register["width"] > 32}
+        assert set(re.findall(r"rbuf_storage\.(\w+)\.data\[47:0\] <= hwif_in\.\1\.\1\.next;", text)) == wide
+        assert set(re.findall(r"if\(decoded_reg_strb\.(\w+)\[0\] && .*begin\n +rbuf_storage\.\1\.", text)) == wide
+        assert len(wide) > 10
 
 
 def test_files_of_registers(fronts: dict[str, dict[str, Any]]) -> None:

@@ -13,7 +13,8 @@ from lightloom.gen.package.registers import register_files
 from lightloom.gen.package.traversal_bench import Scene, scene
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import LOAD_ERRORS, RAY_RESULT
-from lightloom.sim.register_bus import compiled
+from lightloom.rtl.config import Config
+from lightloom.sim.register_bus import HERE, WARNINGS, compiled
 from lightloom.sim.run_traversal_bench import SMALL
 from tests import ROOT
 from tests.simulators import needs_gcc
@@ -24,9 +25,12 @@ ABORTS = Path(__file__).with_name("aborts.c")
 
 @pytest.fixture(scope="module")
 def headers(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """PeakRDL's header of the registers, and ours of the formats, as packages have them."""
-    folder = tmp_path_factory.mktemp("include")
-    described = manifest("traversal", SMALL, bus="axi4-lite")
+    return headers_of(SMALL, tmp_path_factory.mktemp("include"))
+
+
+def headers_of(config: Config, folder: Path) -> Path:
+    """PeakRDL's header of the registers, and ours of the formats, as packages have them, in a folder; the folder."""
+    described = manifest("traversal", config, bus="axi4-lite")
     name = f"{described['module']}.h"
     (folder / name).write_bytes(register_files(described, "0.1")[name])
     (folder / "lightloom_formats.h").write_text(render("package_formats.h", **context()))
@@ -50,6 +54,32 @@ def run(program: Path, traced: Scene, folder: Path, *, base: int, seed: int) -> 
 @pytest.mark.parametrize("seed", [0, 4711])
 def test_rays_through_registers_only(headers: Path, traced: Scene, tmp_path: Path, seed: int) -> None:
     program = compiled(PROGRAM, "traversal", SMALL, includes=[headers])
+    check_rays(program, traced, tmp_path, seed)
+
+
+@needs_gcc
+@pytest.mark.long
+def test_rays_through_registers_at_addresses_of_32_bits(traced: Scene, tmp_path: Path) -> None:
+    config = SMALL.but(address_width=32)
+    program = compiled(PROGRAM, "traversal", config, includes=[headers_of(config, tmp_path)])
+    check_rays(program, traced, tmp_path, seed=32)
+    beyond = run(program, traced, tmp_path, base=1 << 32, seed=0)
+    assert (beyond.returncode, beyond.stderr) == (1, "no address of the memory: 0x100000000\n")
+
+
+@needs_gcc
+@pytest.mark.parametrize("address_width", [32, 33, 64])
+def test_the_example_compiles_at_addresses_of_every_width(address_width: int, tmp_path: Path) -> None:
+    """One register of the tree's address, or two."""
+    config = SMALL.but(address_width=address_width)
+    includes = [f"-I{folder}" for folder in (HERE, headers_of(config, tmp_path))]
+    command = ["gcc", "-std=gnu11", *WARNINGS, *includes, "-c", str(PROGRAM), "-o", str(tmp_path / "trace.o")]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def check_rays(program: Path, traced: Scene, tmp_path: Path, seed: int) -> None:
+    """The program traces the scene's rays: the golden results, and as many as there are."""
     done = run(program, traced, tmp_path, base=traced.base, seed=seed)
     assert done.returncode == 0, f"seed {seed}: {done.stderr}"
     packed = np.fromfile(tmp_path / "results.bin", dtype=np.uint32).reshape(-1, bitpack.words(RAY_RESULT))

@@ -15,7 +15,7 @@ from lightloom.golden_model.tracing.wide_bvh.encode import build_wide
 from lightloom.golden_model.tracing.wide_bvh.traversal import COUNTS, queries_of, trace_tree
 from lightloom.rtl.config import PRESETS, Config
 from lightloom.sim import toolchain
-from lightloom.sim.traversal import TraversalError, TraversalUnit, port_widths
+from lightloom.sim.traversal import TraversalError, TraversalUnit
 from tests.golden_model import meshes
 from tests.golden_model.tracing.test_watertight import Mesh
 
@@ -119,9 +119,9 @@ def test_what_cannot_be_run_is_refused() -> None:
 @pytest.mark.parametrize(
     ("original", "mutant", "message"),
     [
-        ("out_tag = m_axi_rid[5:0]", "out_tag = ~m_axi_rid[5:0]", "a result whose tag no ray has"),
-        ("m_axi_rready = o__ready || header", "m_axi_rready = 1", "hangs: no ray, result"),
-        ("o__valid = m_axi_rvalid && !header", "o__valid = !header && state == 3", "a result whose tag no ray has"),
+        ("out_tag = m_axi_rid[5:0]", "out_tag = ~m_axi_rid[5:0]", "a result whose tag no operand has"),
+        ("m_axi_rready = o__ready || header", "m_axi_rready = 1", "hangs: no operand, result"),
+        ("o__valid = m_axi_rvalid && !header", "o__valid = !header && state == 3", "a result whose tag no operand has"),
         ("? 3 : 4;", "? 0 : 0;", "hangs: it does not load"),
         (
             "m_axi_arsize = 6",
@@ -145,11 +145,6 @@ def test_a_simulator_is_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(toolchain, "run", build)
     TraversalUnit(STAND_IN_CONFIG, memory_bits=16, verilog=STAND_IN)
-
-
-def test_port_widths() -> None:
-    ports = port_widths(STAND_IN, "traversal")
-    assert (ports["clk"], ports["m_axi_rdata"], ports["count_leaf_visits"]) == (1, 512, 16)
 
 
 # --- the unit itself ------------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from lightloom.sim.run_traversal_bench import SMALL, TAGS, run_traversal_bench
 from lightloom.sim.runner import BenchError
 from tests.simulators import SIMULATORS, needs_icarus
 
-TESTS = 40
+TESTS = 41
 BASE = PRESETS["base"].but(tag_width=TAGS)
 
 
@@ -77,6 +77,7 @@ def broken(verilog: str, module: str, original: str, mutant: str) -> str:
         ("loader", " & idle", "", "another_tree_while", "nothing is there|differ"),
         ("nodes", "block[63:32] <= visit", "block[63:32] < visit", "damaged_blocks/overlap=one", "hangs|child.*differ"),
         ("nodes", "> blocks", ">= blocks", "stalled/run=3", "results differ"),
+        ("nodes", "> blocks", ">= blocks", "step_by_step", r"traversal, step \d+, ray .*state before: node_tests"),
         ("node_blocks.cache.fill", " | has_failed;", ";", "memory_errors/overlap=one", "SLVERR .*differ"),
     ],
     ids=[
@@ -91,6 +92,7 @@ def broken(verilog: str, module: str, original: str, mutant: str) -> str:
         "load in flight",
         "cycle",
         "last block",
+        "last block, by steps",
         "error in one beat",
     ],
 )

@@ -13,6 +13,7 @@ from cocotb.triggers import ClockCycles, FallingEdge, RisingEdge
 from lightloom.golden_model.contract.axi_rules import RULE_PORTS, rule_of
 from lightloom.verif.drivers.axi_ports import CocotbSlave
 from lightloom.verif.drivers.axi_slave import Manner
+from lightloom.verif.drivers.stepped import Model, Stepped
 from lightloom.verif.drivers.stream import Exchange, StreamDriver, pattern
 
 
@@ -93,6 +94,10 @@ class Bench:
 
     def counters(self, names: Iterable[str], prefix: str = "") -> dict[str, int]:
         return {name: self.get(prefix + name) for name in names}
+
+    def stepped(self, model: Model, what: str) -> Stepped:
+        """A model that is held to the hardware step by step, from now on."""
+        return Stepped(model, what, self.seed)
 
     def check_rules(self) -> None:
         """No rule of AXI is broken so far, as the checker beside the port says."""

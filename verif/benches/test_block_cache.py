@@ -11,6 +11,7 @@ import cocotb
 from cocotb.triggers import ClockCycles, RisingEdge
 
 from lightloom.verif.benches.bench import Bench
+from lightloom.verif.drivers.cache_model import CacheModel
 from lightloom.verif.drivers.stream import Exchange
 
 BLOCK_BYTES, BLOCK_BITS = 64, 512
@@ -61,12 +62,14 @@ class CacheBench(Bench):
                 blocks += [rng.randrange(self.blocks)] * rng.randint(2, 12)
         return blocks[:count]
 
-    async def ask(self, blocks: list[int], give: str = "always", take: str = "always") -> Exchange:
+    async def ask(
+        self, blocks: list[int], give: str = "always", take: str = "always", *, linger: int = 100
+    ) -> Exchange:
         """Requests `blocks`: exactly one answer each, with its block, or with an error where the block is bad."""
         assert len(blocks) < 1 << self.tag_bits
         payloads = [block | number << 32 for number, block in enumerate(blocks)]
         endless = 60 * len(blocks) + 2000
-        seen = await self.exchange(payloads, give, take, until=lambda cycle: cycle == endless)
+        seen = await self.exchange(payloads, give, take, until=lambda cycle: cycle == endless, linger=linger)
         answers = self.by_tag(seen.received, self._tag, range(len(blocks)))
         for number, block in enumerate(blocks):
             got, error = answers[number] & (1 << BLOCK_BITS) - 1, answers[number] >> BLOCK_BITS + self.tag_bits
@@ -164,6 +167,24 @@ async def hits_at_full_rate(dut: Any) -> None:
     assert seen.received_at == list(range(3, 1003)), "not answered in order, 3 cycles after the request"
     counters = await bench.counted(len(blocks) + len(again))
     assert counters["hits"] == 1000
+
+
+@cocotb.test()
+async def what_is_in_it_step_by_step(dut: Any) -> None:
+    """Requests one at a time, beside a model of the lines: what hits, and what gives way to what."""
+    bench = CacheBench(dut)
+    await bench.begin()
+    bench.break_blocks(range(5, 12))
+    model = bench.stepped(CacheModel(sets=bench.run["sets"], ways=bench.run["ways"]), "block cache")
+    before = bench.counters(("hits", "misses", "evictions"))
+    for block in bench.requests(bench.count // 3):
+        await bench.ask([block], linger=8)
+        now = bench.counters(before)
+        seen = {name: now[name] - before[name] for name in before}
+        assert seen["hits"] + seen["misses"] == 1
+        model.step({"block": block, "fails": block in bench.bad}, {"hit": seen["hits"], "evicted": seen["evictions"]})
+        before = now
+    assert model.number == bench.count // 3
 
 
 @cocotb.test()

@@ -9,7 +9,8 @@ from cocotb.triggers import FallingEdge, RisingEdge
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import BLOCK_BYTES, TRIANGLE_BLOCK
 from lightloom.golden_model.stimuli.ray_families import RAY_FAMILIES
-from lightloom.verif.benches.traversal_bench import BASES, MEMORIES, RENDERED, TraversalBench, rays_of
+from lightloom.verif.benches.test_stream_unit import payloads
+from lightloom.verif.benches.traversal_bench import BASES, MEMORIES, RENDERED, RaySteps, TraversalBench, rays_of
 from lightloom.verif.drivers.axi_slave import Manner
 from lightloom.verif.vectors.edited_trees import edited, leaves_with
 
@@ -42,6 +43,24 @@ async def all_sides_stalled(dut: Any, run: tuple[str, str, str, str, str]) -> No
     if memory == "wild" and scene != "triangle":
         assert bench.memory.overtaken > 5
         assert bench.memory.mixed > 5 or bench.memory.lanes == BLOCK_BYTES
+
+
+@cocotb.test()
+async def ray_by_ray_step_by_step(dut: Any) -> None:
+    """One ray at a time, one visit at a time, beside the golden traversal: after each its result, and all counters."""
+    bench = TraversalBench(dut)
+    await bench.begin(overlap="one")
+    tree = bench.tree("soup")
+    await bench.load(tree.blocks)
+    await bench.clear_counters()
+    rays = bench.traced(tree.blocks, rays_of("soup", 2 * bench.few, bench.seed + 1))
+    steps = bench.stepped(RaySteps(rays), "traversal")
+    for k in range(len(rays)):
+        result = await bench.trace(rays.only(np.arange(k, k + 1)))
+        seen = bench.counters(steps.model.state(), "count_")
+        query = payloads(rays.queries[k : k + 1], np.zeros(1))[0]
+        steps.step({"ray": k, "query": query}, {"result": payloads(result, np.zeros(1))[0], **seen})
+    assert steps.number == len(rays)
 
 
 @cocotb.test()

@@ -24,6 +24,7 @@ from lightloom.verif.benches.test_stream_unit import payloads
 from lightloom.verif.bins.coverage import StreamCycles, note
 from lightloom.verif.bins.traversal_bins import channel_groups, counter_groups, load_groups, memory_groups, ray_groups
 from lightloom.verif.drivers.axi_slave import Manner
+from lightloom.verif.drivers.stepped import Values
 from lightloom.verif.drivers.stream import Exchange
 
 LOAD_CYCLES = 2000
@@ -101,6 +102,26 @@ class Rays:
 
     def only(self, which: np.ndarray) -> "Rays":
         return Rays(self.queries[which], self.results[which], self.counts[which])
+
+
+class RaySteps:
+    """The golden traversal as a model that is stepped, a ray a step, one visit at a time: its state is what it has
+    counted. An operand is the number of the `ray`; seen are its `result` as a number, and all counters."""
+
+    def __init__(self, rays: Rays) -> None:
+        self.results, self.counts = payloads(rays.results, np.zeros(len(rays))), rays.counts
+        self.failed = rays.results["error"] != 0
+        self.counted = dict.fromkeys((*(COUNTS.names or ()), "rays", "errors"), 0)
+
+    def state(self) -> Values:
+        return dict(self.counted)
+
+    def step(self, operands: Values, seen: Values) -> Values:
+        ray = operands["ray"]
+        more = {name: int(self.counts[name][ray]) for name in COUNTS.names or ()}
+        more |= {"rays": 1, "errors": int(self.failed[ray])}
+        self.counted = {name: count + more[name] for name, count in self.counted.items()}
+        return {"result": self.results[ray], **self.counted}
 
 
 class TraversalBench(Bench):

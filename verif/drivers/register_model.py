@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from lightloom.verif.drivers.stepped import Values
+
 OKAY, SLVERR = 0, 2
 WORD = 4
 """Bytes."""
@@ -62,3 +64,43 @@ class RegisterModel:
         if register["width"] > 32:
             self._kept = value >> 32
         return value & 0xFFFF_FFFF, OKAY
+
+
+EVENTS, ENABLES = "events", "event_enables"
+
+
+class RegisterSteps:
+    """The model as one that is stepped (`verif.drivers.stepped`): an access is a step.
+
+    Operands of a write are `address`, `data` and `strobes`; seen is its `response`. Of a read it is `address`; seen are
+    `response`, `word` (None: undefined) and the interrupt `irq` of its cycle. What only the hardware knows is not
+    held to anything: what read-only fields say, whether operands wait, which events have happened.
+    """
+
+    def __init__(self, registers: list[dict[str, Any]]) -> None:
+        self.model = RegisterModel(registers)
+        fields = {register["name"]: register["fields"] for register in registers}
+        self._enables = [field["name"] for field in fields[ENABLES]]
+        self._events = next(register["offset"] for register in registers if register["name"] == EVENTS)
+
+    def state(self) -> Values:
+        return {name: value for name, value in self.model.held.items() if value}
+
+    def step(self, operands: Values, seen: Values) -> Values:
+        register, half = self.model.words.get(operands["address"] // WORD * WORD, (None, 0))
+        fields = register["fields"] if register else []
+        if "data" in operands:
+            holds = {field["held_by"] for field in fields if "held_by" in field}
+            self.model.status |= dict.fromkeys(holds, int(seen["response"] != OKAY))
+            return {"response": self.model.write(operands["address"], operands["data"], operands["strobes"])}
+        word, response = self.model.read(operands["address"])
+        wanted = {"response": response, "word": word, "irq": seen["irq"]}
+        unknown = [field for field in fields if field["access"] in ("ro", "w1c")]
+        if seen["word"] is None:  # where nothing waits, nothing is defined
+            return wanted | ({"word": None} if register and register["name"].startswith("result_") else {})
+        mask = sum(((1 << field["width"]) - 1) << field["low"] for field in unknown) >> 32 * half
+        wanted["word"] = (word & ~mask) | (seen["word"] & mask & 0xFFFF_FFFF)
+        if register and register["offset"] == self._events:
+            enabled = sum(self.model.held[name] << k for k, name in enumerate(self._enables))
+            wanted["irq"] = int((seen["word"] & enabled) != 0)
+        return wanted

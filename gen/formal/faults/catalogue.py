@@ -7,6 +7,7 @@ from lightloom.gen.formal.faults import (
     cache,
     control,
     fabric,
+    front,
     intersection,
     operators,
     registers,
@@ -26,6 +27,7 @@ MODULES = (
     control,
     traversal,
     registers,
+    front,
     texels,
 )
 
