@@ -1,5 +1,6 @@
 """`lightloom policies`."""
 
+import json
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -59,6 +60,15 @@ class PoliciesOptions:
     ] = None
     seeds: Annotated[int, typer.Option("--seeds", metavar="N", help="Of the suite so many seeds, from 0 on.")] = 3
     jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Cases of the suite at a time.")] = 2
+    bars: Annotated[
+        bool, typer.Option("--bars", help="Of the suite say what its figures have to be, and whether they are.")
+    ] = False
+    before: Annotated[
+        Path | None,
+        typer.Option(
+            "--before", metavar="FILE", help="suite.json of an earlier build, against whose round-robin bars are held."
+        ),
+    ] = None
     names: Annotated[
         str | None,
         typer.Option("--policies", metavar="A,B", help="Policies by name, each compared with the first; else all."),
@@ -89,6 +99,15 @@ class PoliciesOptions:
     reference_every: Annotated[
         int, typer.Option("--reference-every", metavar="K", help="Compare every K-th frame.")
     ] = 2
+    true: Annotated[
+        bool,
+        typer.Option(
+            "--true", help="Also compare the picture at rest with a path-traced one, which reads no map; takes minutes."
+        ),
+    ] = False
+    true_samples: Annotated[
+        int, typer.Option("--true-samples", metavar="N", help="Paths a pixel of that picture (even).")
+    ] = 512
     key_frames: Annotated[
         str | None,
         typer.Option("--key-frames", metavar="K,K", help="Frames to show as pictures; else four of those compared."),
@@ -123,14 +142,18 @@ def policies(options: PoliciesOptions) -> None:
       film.webp       the first and the last policy, and their errors
       frames/NNNN/    pictures and errors of each policy     maps/NNNN/   what the last policy knows of the texels
 
+    With --true the frames go on until nothing has changed for 60 of them, and the last is compared with a path-traced
+    picture: E true, over blocks of 8x8 pixels. That picture is kept, for what has it in common.
+
     With --suite, DIR has a table of all layouts, the worst first (index.html, suite.json, suite.md), and what is above
-    for each case in cases/NAME. What an interrupted run had done is kept there, and taken by the next one.
+    for each case in a folder of cases/. What an interrupted run had done is kept there, and taken by the next one.
 
     \b
     Examples:
       lightloom policies cornell-box
       lightloom policies scenes/bunny.toml --frames 24 --budget 40000 --size 480x320
-      lightloom policies --suite --out build/suite
+      lightloom policies --suite --bars --out build/suite
+      lightloom policies room.toml --true --true-samples 2048
       lightloom policies room.toml --policies round-robin,influence --key-frames 11,12,20 --out build/room
     """
     _check(options)
@@ -169,7 +192,7 @@ def _scene_of(options: PoliciesOptions) -> str:
     return options.scene
 
 
-SUITE_ONLY = {"layouts": None, "seeds": 3, "jobs": 2}
+SUITE_ONLY = {"layouts": None, "seeds": 3, "jobs": 2, "bars": False, "before": None}
 SCENE_ONLY = ("scene", "budget", "exposure")
 """Options that make no sense without the suite, with their defaults; and with it."""
 
@@ -180,7 +203,8 @@ def _suite(options: PoliciesOptions) -> None:
     from lightloom.golden_model.stimuli.layouts.catalogue import READABLE, SEEDS
     from lightloom.golden_model.stimuli.layouts.description import FRAMES as SUITE_FRAMES
     from lightloom.golden_model.stimuli.layouts.description import SIZE as SUITE_SIZE
-    from lightloom.policies.suite import cases, write_suite
+    from lightloom.policies.case import cases
+    from lightloom.policies.suite import write_suite
     from lightloom.shared.console import print_json
 
     if not 1 <= options.seeds <= len(SEEDS):
@@ -189,12 +213,35 @@ def _suite(options: PoliciesOptions) -> None:
     own = RenderDefaults(frames=SUITE_FRAMES, size=(SUITE_SIZE[0], SUITE_SIZE[1]))
     comparison = _comparison(replace(options, scene="", names=options.names or ",".join(SUITE_POLICIES)), own)
     command = f"lightloom policies --suite --layouts {','.join(names)} --seeds {options.seeds}"
-    report = write_suite(cases(names, SEEDS[: options.seeds]), comparison, options.out, options.jobs, command)
+    before = None if options.before is None else _suite_file(options.before)
+    report = write_suite(cases(names, SEEDS[: options.seeds]), comparison, options.out, options.jobs, command, before)
     if options.json:
         print_json(report)
     else:
         _print_suite(report)
+        if options.bars:
+            _print_bars(report)
         print(f"Written to {options.out / 'index.html'}")
+
+
+def _suite_file(path: Path) -> dict[str, Any]:
+    """What a suite.json holds."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"--before {path}: cannot be read ({error}); give the suite.json of a suite") from error
+    if not isinstance(found, dict) or not {"cases", "policies"} <= set(found):
+        raise InputError(f"--before {path}: no cases in it; give the suite.json of a suite")
+    if "round-robin" not in found["policies"]:
+        raise InputError(f"--before {path}: round-robin takes no part; give a suite in which it does")
+    return found
+
+
+def _print_bars(report: dict[str, Any]) -> None:
+    from lightloom.shared.console import print_table
+
+    rows = [[bar["name"], bar["shown"], bar["wanted"], bar["met"], bar["where"]] for bar in report["bars"]]
+    print_table("Bars", ["bar", "figure", "limit", "met", "where"], rows)
 
 
 def _print_suite(report: dict[str, Any]) -> None:
@@ -232,6 +279,7 @@ def _check(options: PoliciesOptions) -> None:
     at_least(options.jobs, 1, "--jobs")
     choose(options.backend, BACKENDS, "backend")
     at_least(options.reference_every, 1, "--reference-every")
+    at_least(options.true_samples, 2, "--true-samples")
     if options.frames is not None:
         at_least(options.frames, 1, "--frames")
     if options.size is not None:
@@ -260,6 +308,7 @@ def _comparison(options: PoliciesOptions, own: "RenderDefaults") -> "Comparison"
         light_samples=options.light_samples,
         reference_rays=options.reference_rays,
         reference_every=options.reference_every,
+        true_samples=options.true_samples if options.true else 0,
         key_frames=whole_numbers(options.key_frames, "--key-frames") if options.key_frames is not None else (),
         exposure=options.exposure,
         seed=options.seed,
@@ -281,12 +330,18 @@ def _print_table(report: dict[str, Any], comparison: "Comparison") -> None:
                 _shown(found["error_ratio"]),
                 _shown(found["age"]),
                 found["largest_spent"],
+                *(
+                    [_shown(found[name], 100) for name in ("true_error", "true_noise")]
+                    if comparison.true_samples
+                    else []
+                ),
             ]
         )
     print_table(
         f"{report['scene']}, {comparison.frames} frame{'s' if comparison.frames > 1 else ''} of "
         f"{comparison.width}x{comparison.height}, {comparison.budget:,} rays a frame",
-        ["policy", "mean error %", "worst %", "updates on texels read %", "ratio", "mean age", "rays, at most"],
+        ["policy", "mean error %", "worst %", "updates on texels read %", "ratio", "mean age", "rays, at most"]
+        + (["E true %", "its noise %"] if comparison.true_samples else []),
         rows,
     )
 

@@ -4,69 +4,26 @@ Cases are computed side by side, and kept: what an interrupted run had done, the
 option has changed since, they are made anew.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lightloom.gen.pages.suite_page import suite_page
-from lightloom.golden_model.charts.curved import default_cache
-from lightloom.golden_model.charts.unwrap import unwrap
-from lightloom.golden_model.host.fingerprint import fingerprint
-from lightloom.golden_model.host.outputs import whole_file, whole_folder
-from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, LAYOUTS, READABLE, SEEDS, write_layout
-from lightloom.golden_model.tracing.bvh.structure import Structure
-from lightloom.policies.comparison import write_comparison
+from lightloom.gen.pages.suite_page import markdown_table, suite_page
+from lightloom.golden_model.host.outputs import whole_file
+from lightloom.golden_model.stimuli.layouts.catalogue import LAYOUTS
+from lightloom.policies.bars import bars, geometric_mean, rows_of
+from lightloom.policies.case import Case, run_case
 from lightloom.policies.options import Comparison
+from lightloom.policies.report import TRUE
 from lightloom.shared.console import Progress, json_text
 from lightloom.shared.provenance import machine, versions
-from lightloom.shared.step_cache import kept, key_of
 
-CASES = "cases"
-"""The folder of the cases' pages."""
-
-
-@dataclass(frozen=True)
-class Case:
-    """A layout with a seed and a budget; the seed is also that of the renders."""
-
-    layout: str
-    budget: str
-    seed: int
-
-    @property
-    def name(self) -> str:
-        return f"{self.layout}-{self.budget}-{self.seed}"
-
-
-def cases(layouts: Iterable[str] = READABLE, seeds: Iterable[int] = SEEDS) -> list[Case]:
-    """Of each layout each budget and seed."""
-    return [Case(layout, budget, seed) for layout in layouts for budget in BUDGETS for seed in seeds]
-
-
-def run_case(case: Case, options: Comparison, folder: Path) -> dict[str, Any]:
-    """The figures of a case, computed now or before; its page, film and scene are in `folder`/cases/NAME."""
-    place = folder / CASES / case.name
-    key = key_of(fingerprint(__name__), repr(options), case.name)
-    return kept(folder / "figures" / f"{case.name}-{key}.json", lambda: _computed(case, options, place))[0]
-
-
-def _computed(case: Case, options: Comparison, place: Path) -> dict[str, Any]:
-    with whole_folder(place) as folder:
-        file = write_layout(case.layout, case.seed, folder)
-        scene = load_scene(file)
-        own = {"scene": str(place / file.name), "budget": BUDGETS[case.budget], "seed": case.seed}
-        comparison = Comparison(**asdict(options) | own)
-        lightmaps = unwrap(scene, trace=Structure(scene, options.backend).trace, cache=default_cache())
-        report = write_comparison(scene, lightmaps, comparison, folder, Progress(quiet=True))
-    wanted = ("error", "worst_error", "energy", "jump", "flip", "oldest", "largest_spent", "least_spent")
-    policies = {each["name"]: {name: each["summary"][name] for name in wanted} for each in report["policies"]}
-    return {**asdict(case), "rays": BUDGETS[case.budget], "valid": report["valid"], "policies": policies}
+WORST = ("jump", "lag", "lag_turns", "darkened", "oldest", "greatest_share")
+"""Figures of the last policy of which a row has the greatest of all seeds; None: no seed has it."""
 
 
 def run_suite(
@@ -87,23 +44,24 @@ def run_suite(
     return [done[case.name] for case in chosen]
 
 
-def write_suite(chosen: list[Case], options: Comparison, folder: Path, jobs: int, command: str) -> dict[str, Any]:
-    """Runs all cases, writes suite.json, suite.md and index.html into `folder`; returns what suite.json holds."""
+def write_suite(
+    chosen: list[Case],
+    options: Comparison,
+    folder: Path,
+    jobs: int,
+    command: str,
+    before: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Runs all cases, writes suite.json, suite.md and index.html into `folder`; returns what suite.json holds.
+
+    `before` is what suite.json of an earlier build holds.
+    """
     with Progress() as progress, progress.stage("Cases", len(chosen)) as advance:
         figures = run_suite(chosen, options, folder, jobs, advance)
-    rows = table(figures)
-    report = {
-        "command": command,
-        "policies": list(options.policies),
-        "means": geometric_means(rows),
-        "rows": rows,
-        "cases": figures,
-        "versions": versions(),
-        "machine": machine(),
-    }
+    report = suite_report(figures, options.policies, command, before)
     texts = {
         "suite.json": json_text(report),
-        "suite.md": "\n".join([*written(rows), ""]),
+        "suite.md": "\n".join([*markdown_table(report["rows"]), ""]),
         "index.html": suite_page(report),
     }
     for name, text in texts.items():
@@ -113,6 +71,23 @@ def write_suite(chosen: list[Case], options: Comparison, folder: Path, jobs: int
 
 
 # --- what they say together -------------------------------------------------------------------------------------------
+
+
+def suite_report(
+    figures: list[dict[str, Any]], policies: Sequence[str], command: str, before: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """What suite.json holds, of the figures of cases."""
+    rows = table(figures)
+    report = {
+        "command": command,
+        "policies": list(policies),
+        "means": geometric_means(rows),
+        "rows": rows,
+        "cases": figures,
+        "versions": versions(),
+        "machine": machine(),
+    }
+    return report | {"bars": rows_of(bars(report, before))}
 
 
 def table(figures: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -131,6 +106,11 @@ def _row(layout: str, budget: str, group: list[dict[str, Any]]) -> dict[str, Any
     full, others = errors[names[-1]], [errors[name] for name in names[:-1]] or [errors[names[-1]]]
     best = min(others, key=lambda each: each.mean())
     last = [case["policies"][names[-1]] for case in group]
+
+    def every(name: str) -> list[Any]:
+        # What was measured by an earlier build may lack what came later.
+        return [each[name] for each in last if each.get(name) is not None]
+
     return {
         "layout": layout,
         "about": LAYOUTS[layout].about,
@@ -138,11 +118,13 @@ def _row(layout: str, budget: str, group: list[dict[str, Any]]) -> dict[str, Any
         "errors": {name: float(each.mean()) for name, each in errors.items()},
         "against_best": float(full.mean() / best.mean()),
         "worst_run": float((full / np.minimum.reduce(others)).max()),
-        "energy": float(np.mean([each["energy"] for each in last])),
-        "jump": max((each["jump"] for each in last if each["jump"] is not None), default=None),
-        "oldest": max(each["oldest"] for each in last),
-        "least_spent": min(each["least_spent"] / case["rays"] for each, case in zip(last, group, strict=True)),
-        "cases": [Case(case["layout"], case["budget"], case["seed"]).name for case in group],
+        "energy": float(np.mean(every("energy"))),
+        "flip": float(np.mean(every("flip"))),
+        **{name: float(np.mean(every(name))) if every(name) else None for name in TRUE},
+        **{name: max(every(name), default=None) for name in WORST},
+        "never_shown": sum(every("never_shown")),
+        "least_share": min(every("least_share"), default=None),
+        "pages": [case["page"] for case in group],
     }
 
 
@@ -150,25 +132,4 @@ def geometric_means(rows: list[dict[str, Any]]) -> dict[str, float]:
     """Of each policy its error against the first one's, over layouts and budgets."""
     first = next(iter(rows[0]["errors"]))
     ratios = {name: [row["errors"][name] / row["errors"][first] for row in rows] for name in rows[0]["errors"]}
-    return {name: float(np.exp(np.log(each).mean())) for name, each in ratios.items()}
-
-
-def written(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """The table as Markdown."""
-    names = list(rows[0]["errors"])
-    columns = [
-        "layout",
-        "budget",
-        *(f"E {name}" for name in names),
-        "ratio to the better",
-        "worst run",
-        "energy",
-        "jump",
-    ]
-    yield f"| {' | '.join(columns)} |"
-    yield f"|{'---|' * len(columns)}"
-    for row in rows:
-        errors = [f"{100 * row['errors'][name]:.2f} %" for name in names]
-        jump = "" if row["jump"] is None else f"{100 * row['jump']:.2f} %"
-        shown = [*errors, f"{row['against_best']:.2f}", f"{row['worst_run']:.2f}", f"{row['energy']:.3f}", jump]
-        yield f"| {row['layout']} | {row['budget']} | {' | '.join(shown)} |"
+    return {name: geometric_mean(each) for name, each in ratios.items()}

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lightloom.gen.pages.suite_page import markdown_table
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, READABLE, SEEDS, write_layout
+from lightloom.policies.case import cases
 from lightloom.policies.still import jump, still_frames
-from lightloom.policies.suite import cases, geometric_means, table
+from lightloom.policies.suite import geometric_means, table
 
 from .conftest import Run
 
@@ -23,7 +25,7 @@ def test_the_whole_suite_has_every_case() -> None:
 
 
 def test_cases_are_kept(cli: Run, tmp_path: Path) -> None:
-    """A second run computes nothing, and says the same; with another option it computes all again."""
+    """A second run computes nothing, and says the same; so it does when others have been computed in between."""
     out = tmp_path / "suite"
     outcome = cli("policies", "--suite", *SMALL, "--out", str(out), "--json")
     assert outcome.code == 0, outcome
@@ -32,19 +34,33 @@ def test_cases_are_kept(cli: Run, tmp_path: Path) -> None:
     assert list(report["means"]) == report["policies"] == ["round-robin", "visibility", "influence"]
     for row in report["rows"]:
         assert set(row["errors"]) == set(report["policies"])
-        assert row["least_spent"] > 0.95
+        assert 0.95 < row["least_share"] <= row["greatest_share"] <= 1
         assert 0.5 < row["energy"] < 1.5
-        for name in row["cases"]:
-            assert (out / "cases" / name / "index.html").exists()
-            assert f"cases/{name}/film.webp" in (out / "index.html").read_text()
+        for page in row["pages"]:
+            assert (out / page / "index.html").exists()
+            assert f"{page}/film.webp" in (out / "index.html").read_text()
     assert (out / "suite.md").read_text().count("\n") == 2 + len(BUDGETS)
 
-    before = {path: path.stat().st_mtime_ns for path in (out / "cases").rglob("*.json")}
+    assert [bar["name"] for bar in report["bars"] if bar["figure"] is None] != []
+    shown = (out / "index.html").read_bytes()
+    first = times_of(out)
+    other = cli("policies", "--suite", *SMALL, "--reference-every", "1", "--out", str(out), "--json")
+    assert other.code == 0, other
+    both = times_of(out)
+    assert len(both) == 2 * len(first)
+    assert first.items() < both.items(), "what was there is as it was"
+    pages = {page for row in report["rows"] for page in row["pages"]}
+    assert not pages & {page for row in json.loads(other.out)["rows"] for page in row["pages"]}
     again = cli("policies", "--suite", *SMALL, "--out", str(out), "--json")
     assert json.loads(again.out)["cases"] == report["cases"]
-    assert {path: path.stat().st_mtime_ns for path in (out / "cases").rglob("*.json")} == before
-    assert cli("policies", "--suite", *SMALL, "--reference-every", "1", "--out", str(out)).code == 0
-    assert all(path.stat().st_mtime_ns != time for path, time in before.items())
+    assert times_of(out) == both
+    assert (out / "index.html").read_bytes() == shown, "figures, films and pages are those of the first run again"
+
+
+def times_of(suite: Path) -> dict[Path, int]:
+    """When the figures, films and pages of each case were written."""
+    kinds = ("policies.json", "film.webp", "index.html")
+    return {path: path.stat().st_mtime_ns for kind in kinds for path in (suite / "cases").rglob(kind)}
 
 
 @pytest.mark.parametrize(
@@ -55,6 +71,8 @@ def test_cases_are_kept(cli: Run, tmp_path: Path) -> None:
         (["--suite", "cornell-box"], "leave scene out"),
         (["--suite", "--budget", "100"], "leave budget out"),
         (["cornell-box", "--layouts", "corridor"], "--layouts: is for --suite"),
+        (["cornell-box", "--bars"], "--bars: is for --suite"),
+        (["--suite", "--before", "nowhere.json"], "--before nowhere.json: cannot be read"),
         (["--suite", "--jobs", "0"], "--jobs 0: must be at least 1"),
         ([], "SCENE is missing"),
     ],
@@ -67,9 +85,18 @@ def test_bad_input(cli: Run, arguments: list[str], said: str, tmp_path: Path) ->
 
 
 def figures(layout: str, seed: int, **errors: float) -> dict[str, Any]:
-    each = {"energy": 1.0, "jump": None, "oldest": 3, "least_spent": 90}
+    each = {"energy": 1.0, "flip": 0.1, "jump": None, "darkened": 0.0, "oldest": 3, "never_shown": seed}
+    each |= {"lag": 4 + seed, "lag_turns": 0.5, "least_share": 0.9 if seed else None, "greatest_share": 1.0}
+    each |= {"true_error": 0.03 if seed else None, "true_energy": 0.99, "true_noise": 0.001}
     policies = {name: {"error": error, **each} for name, error in errors.items()}
-    return {"layout": layout, "budget": "scarce", "seed": seed, "rays": 100, "policies": policies}
+    return {
+        "layout": layout,
+        "budget": "scarce",
+        "seed": seed,
+        "rays": 100,
+        "policies": policies,
+        "page": f"cases/{seed}",
+    }
 
 
 def test_the_worst_comes_first() -> None:
@@ -84,7 +111,14 @@ def test_the_worst_comes_first() -> None:
     assert [row["layout"] for row in rows] == ["corridor", "torch"]
     assert [row["against_best"] for row in rows] == pytest.approx([1.0, 0.5])
     assert [row["worst_run"] for row in rows] == pytest.approx([1.5, 0.5])
-    assert rows[0]["least_spent"] == 0.9
+    assert [rows[0][name] for name in ("least_share", "lag", "never_shown", "jump")] == [0.9, 5, 1, None]
+    assert [row["true_error"] for row in rows] == [0.03, None]
+    assert "| E true |" in next(markdown_table(rows))
+    assert "E true" not in next(markdown_table(rows[1:]))
+    header, _, first, second = markdown_table(rows)
+    assert header.count("|") == first.count("|") == second.count("|")
+    assert "| > 5 (0.5) |" in first
+    assert "| 4 (0.5) |" in second
     assert geometric_means(rows) == pytest.approx({"first": 1, "second": 1, "last": 0.5})
 
 
