@@ -19,5 +19,5 @@ def suite_page(report: Mapping[str, Any]) -> str:
         full=names[-1],
         layouts=len({row["layout"] for row in rows}),
         budgets=len({row["budget"] for row in rows}),
-        seeds=len(rows[0]["cases"]),
+        seeds=len(rows[0]["pages"]),
     )

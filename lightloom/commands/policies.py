@@ -124,7 +124,7 @@ def policies(options: PoliciesOptions) -> None:
       frames/NNNN/    pictures and errors of each policy     maps/NNNN/   what the last policy knows of the texels
 
     With --suite, DIR has a table of all layouts, the worst first (index.html, suite.json, suite.md), and what is above
-    for each case in cases/NAME. What an interrupted run had done is kept there, and taken by the next one.
+    for each case in a folder of cases/. What an interrupted run had done is kept there, and taken by the next one.
 
     \b
     Examples:
@@ -180,7 +180,8 @@ def _suite(options: PoliciesOptions) -> None:
     from lightloom.golden_model.stimuli.layouts.catalogue import READABLE, SEEDS
     from lightloom.golden_model.stimuli.layouts.description import FRAMES as SUITE_FRAMES
     from lightloom.golden_model.stimuli.layouts.description import SIZE as SUITE_SIZE
-    from lightloom.policies.suite import cases, write_suite
+    from lightloom.policies.case import cases
+    from lightloom.policies.suite import write_suite
     from lightloom.shared.console import print_json
 
     if not 1 <= options.seeds <= len(SEEDS):

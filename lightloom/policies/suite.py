@@ -4,9 +4,8 @@ Cases are computed side by side, and kept: what an interrupted run had done, the
 option has changed since, they are made anew.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -14,59 +13,12 @@ from typing import Any
 import numpy as np
 
 from lightloom.gen.pages.suite_page import suite_page
-from lightloom.golden_model.charts.curved import default_cache
-from lightloom.golden_model.charts.unwrap import unwrap
-from lightloom.golden_model.host.fingerprint import fingerprint
-from lightloom.golden_model.host.outputs import whole_file, whole_folder
-from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, LAYOUTS, READABLE, SEEDS, write_layout
-from lightloom.golden_model.tracing.bvh.structure import Structure
-from lightloom.policies.comparison import write_comparison
+from lightloom.golden_model.host.outputs import whole_file
+from lightloom.golden_model.stimuli.layouts.catalogue import LAYOUTS
+from lightloom.policies.case import Case, run_case
 from lightloom.policies.options import Comparison
 from lightloom.shared.console import Progress, json_text
 from lightloom.shared.provenance import machine, versions
-from lightloom.shared.step_cache import kept, key_of
-
-CASES = "cases"
-"""The folder of the cases' pages."""
-
-
-@dataclass(frozen=True)
-class Case:
-    """A layout with a seed and a budget; the seed is also that of the renders."""
-
-    layout: str
-    budget: str
-    seed: int
-
-    @property
-    def name(self) -> str:
-        return f"{self.layout}-{self.budget}-{self.seed}"
-
-
-def cases(layouts: Iterable[str] = READABLE, seeds: Iterable[int] = SEEDS) -> list[Case]:
-    """Of each layout each budget and seed."""
-    return [Case(layout, budget, seed) for layout in layouts for budget in BUDGETS for seed in seeds]
-
-
-def run_case(case: Case, options: Comparison, folder: Path) -> dict[str, Any]:
-    """The figures of a case, computed now or before; its page, film and scene are in `folder`/cases/NAME."""
-    place = folder / CASES / case.name
-    key = key_of(fingerprint(__name__), repr(options), case.name)
-    return kept(folder / "figures" / f"{case.name}-{key}.json", lambda: _computed(case, options, place))[0]
-
-
-def _computed(case: Case, options: Comparison, place: Path) -> dict[str, Any]:
-    with whole_folder(place) as folder:
-        file = write_layout(case.layout, case.seed, folder)
-        scene = load_scene(file)
-        own = {"scene": str(place / file.name), "budget": BUDGETS[case.budget], "seed": case.seed}
-        comparison = Comparison(**asdict(options) | own)
-        lightmaps = unwrap(scene, trace=Structure(scene, options.backend).trace, cache=default_cache())
-        report = write_comparison(scene, lightmaps, comparison, folder, Progress(quiet=True))
-    wanted = ("error", "worst_error", "energy", "jump", "flip", "oldest", "largest_spent", "least_spent")
-    policies = {each["name"]: {name: each["summary"][name] for name in wanted} for each in report["policies"]}
-    return {**asdict(case), "rays": BUDGETS[case.budget], "valid": report["valid"], "policies": policies}
 
 
 def run_suite(
@@ -142,7 +94,7 @@ def _row(layout: str, budget: str, group: list[dict[str, Any]]) -> dict[str, Any
         "jump": max((each["jump"] for each in last if each["jump"] is not None), default=None),
         "oldest": max(each["oldest"] for each in last),
         "least_spent": min(each["least_spent"] / case["rays"] for each, case in zip(last, group, strict=True)),
-        "cases": [Case(case["layout"], case["budget"], case["seed"]).name for case in group],
+        "pages": [case["page"] for case in group],
     }
 
 

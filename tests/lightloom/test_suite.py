@@ -9,8 +9,9 @@ import pytest
 
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, READABLE, SEEDS, write_layout
+from lightloom.policies.case import cases
 from lightloom.policies.still import jump, still_frames
-from lightloom.policies.suite import cases, geometric_means, table
+from lightloom.policies.suite import geometric_means, table
 
 from .conftest import Run
 
@@ -23,7 +24,7 @@ def test_the_whole_suite_has_every_case() -> None:
 
 
 def test_cases_are_kept(cli: Run, tmp_path: Path) -> None:
-    """A second run computes nothing, and says the same; with another option it computes all again."""
+    """A second run computes nothing, and says the same; so it does when others have been computed in between."""
     out = tmp_path / "suite"
     outcome = cli("policies", "--suite", *SMALL, "--out", str(out), "--json")
     assert outcome.code == 0, outcome
@@ -34,17 +35,30 @@ def test_cases_are_kept(cli: Run, tmp_path: Path) -> None:
         assert set(row["errors"]) == set(report["policies"])
         assert row["least_spent"] > 0.95
         assert 0.5 < row["energy"] < 1.5
-        for name in row["cases"]:
-            assert (out / "cases" / name / "index.html").exists()
-            assert f"cases/{name}/film.webp" in (out / "index.html").read_text()
+        for page in row["pages"]:
+            assert (out / page / "index.html").exists()
+            assert f"{page}/film.webp" in (out / "index.html").read_text()
     assert (out / "suite.md").read_text().count("\n") == 2 + len(BUDGETS)
 
-    before = {path: path.stat().st_mtime_ns for path in (out / "cases").rglob("*.json")}
+    shown = (out / "index.html").read_bytes()
+    first = times_of(out)
+    other = cli("policies", "--suite", *SMALL, "--reference-every", "1", "--out", str(out), "--json")
+    assert other.code == 0, other
+    both = times_of(out)
+    assert len(both) == 2 * len(first)
+    assert first.items() < both.items(), "what was there is as it was"
+    pages = {page for row in report["rows"] for page in row["pages"]}
+    assert not pages & {page for row in json.loads(other.out)["rows"] for page in row["pages"]}
     again = cli("policies", "--suite", *SMALL, "--out", str(out), "--json")
     assert json.loads(again.out)["cases"] == report["cases"]
-    assert {path: path.stat().st_mtime_ns for path in (out / "cases").rglob("*.json")} == before
-    assert cli("policies", "--suite", *SMALL, "--reference-every", "1", "--out", str(out)).code == 0
-    assert all(path.stat().st_mtime_ns != time for path, time in before.items())
+    assert times_of(out) == both
+    assert (out / "index.html").read_bytes() == shown, "figures, films and pages are those of the first run again"
+
+
+def times_of(suite: Path) -> dict[Path, int]:
+    """When the figures, films and pages of each case were written."""
+    kinds = ("policies.json", "film.webp", "index.html")
+    return {path: path.stat().st_mtime_ns for kind in kinds for path in (suite / "cases").rglob(kind)}
 
 
 @pytest.mark.parametrize(
@@ -69,7 +83,14 @@ def test_bad_input(cli: Run, arguments: list[str], said: str, tmp_path: Path) ->
 def figures(layout: str, seed: int, **errors: float) -> dict[str, Any]:
     each = {"energy": 1.0, "jump": None, "oldest": 3, "least_spent": 90}
     policies = {name: {"error": error, **each} for name, error in errors.items()}
-    return {"layout": layout, "budget": "scarce", "seed": seed, "rays": 100, "policies": policies}
+    return {
+        "layout": layout,
+        "budget": "scarce",
+        "seed": seed,
+        "rays": 100,
+        "policies": policies,
+        "page": f"cases/{seed}",
+    }
 
 
 def test_the_worst_comes_first() -> None:
