@@ -25,7 +25,10 @@ from lightloom.sim.toolchain import locked
 
 CASES = "cases"
 """The folder of the cases' folders."""
-FIGURES = ("error", "worst_error", "energy", "jump", "flip", "oldest", "largest_spent", "least_spent")
+FIGURES = (
+    *("error", "worst_error", "energy", "flip", "jump", "darkened"),
+    *("lag", "lag_turns", "lags", "never_shown", "oldest", "unknown", "least_share", "greatest_share"),
+)
 """What the suite takes of the summary of each policy."""
 
 

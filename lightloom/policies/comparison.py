@@ -16,6 +16,7 @@ from lightloom.golden_model.scene.scene import Scene
 from lightloom.policies.judge import Judge, visible_texels
 from lightloom.policies.options import Comparison
 from lightloom.policies.report import comparison_report, frame_row
+from lightloom.policies.steps import Lag, steps
 from lightloom.policies.still import jump, still_frames
 from lightloom.shared.console import Progress, json_text
 from lightloom.shared.provenance import machine, versions
@@ -41,18 +42,23 @@ def compare(
     judge = Judge(scene, lightmaps, options, folder)
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in options.policies}
     counts: dict[str, list[FrameCounts]] = {name: [] for name in options.policies}
-    compared, still = set(options.compared), still_frames(scene, options.frames)
+    still, changes = still_frames(scene, options.frames), steps(scene, options.frames)
+    lags = [Lag(step) for step in changes if step.followed]
+    looked = {*options.compared, *(lag.step.begin - 1 for lag in lags)}
+    looked |= {frame for step in changes for frame in range(step.begin, step.first + 1)}
     before: dict[str, np.ndarray] = {}
-    with progress.stage("Frames and references", options.frames * len(renderers) + len(compared)) as advance:
+    with progress.stage("Frames and references", options.frames * len(renderers) + len(looked)) as advance:
         for number in range(options.frames):
             results = {}
             for name, renderer in renderers.items():
                 results[name] = renderer.frame()
                 advance(1)
             figures: dict[str, dict[str, Any]] = {}
-            if number in compared:
-                figures = judge.look(results, renderers)
+            if number in looked:
+                figures = judge.look(results, renderers, before)
                 advance(1)
+            for lag in lags:
+                lag.look(number, {name: result.image for name, result in results.items()}, judge.seen)
             visible = visible_texels(lightmaps, results[options.full].gbuffer)
             for name, result in results.items():
                 row = frame_row(result, renderers[name].state, visible) | figures.get(name, {})
@@ -71,7 +77,7 @@ def compare(
         times = plans[options.full].frames
         drawn = timeline(plans[options.full], times[first].begin, times[last].shown)
         (folder / "timeline.svg").write_text(drawn, encoding="utf-8")
-    return comparison_report(scene, lightmaps, options, renderers, rows, plans) | {
+    return comparison_report(scene, lightmaps, options, renderers, rows, plans, lags) | {
         "timeline_frames": [first, last],
         "exposure": judge.exposure,
         "reference": {

@@ -21,7 +21,8 @@ from lightloom.golden_model.renderer import FrameResult, Renderer
 from lightloom.golden_model.scene.lightmap import Lightmaps, bilinear_taps
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.policies.options import Comparison
-from lightloom.render.policy_pictures import QUANTITIES, error_colours, relative_error, write_quantity
+from lightloom.policies.steps import Seen
+from lightloom.render.policy_pictures import QUANTITIES, error_colours, luminance, relative_error, write_quantity
 from lightloom.shared.difference import relative_mse
 
 FILM_FRAMES = 60
@@ -33,6 +34,8 @@ LEAST_RAYS = 8
 """... but no fewer than these."""
 REFERENCE_SEED = 0x5EED
 """Keeps the reference's random numbers apart from the renders': added to the seed, modulo 2**32."""
+DARK = 0.25
+"""A pixel that shows less than this part both of what it showed before and of what it ought to is a flaw to the eye."""
 
 
 def straight_light(renderer: Renderer, result: FrameResult) -> np.ndarray:
@@ -67,6 +70,19 @@ def energy(image: np.ndarray, reference: np.ndarray) -> float | None:
     return float(image[finite].sum(dtype=np.float64)) / total if total > 0 else None
 
 
+def darkened(
+    image: np.ndarray, before: np.ndarray, straight: np.ndarray, mapped: np.ndarray, counted: np.ndarray
+) -> float:
+    """The part of the pixels that count (H, W) that are darker than `DARK` of the frame before and of the reference.
+
+    By luminance, strictly. Of the picture (H, W, 3) and of the reference without straight light: `straight` is to be
+    taken out of `image`, and is out of `mapped`; the frame `before` is as it was shown. 0 where no pixel counts.
+    """
+    shown, earlier, wanted = (luminance(picture) for picture in (image - straight, before, mapped))
+    dark = (shown < DARK * earlier) & (shown < DARK * wanted)
+    return float(dark[counted].mean()) if counted.any() else 0.0
+
+
 def visible_texels(lightmaps: Lightmaps, gbuffer: np.ndarray) -> np.ndarray:
     """The valid texels of the finest level that pixels of a GBUFFER (H, W) read, (V,) int64, rising."""
     seen = gbuffer[(gbuffer["object"] >= 0) & gbuffer["front"]]
@@ -84,6 +100,8 @@ class Judge:
         self.exposure = options.exposure
         self.noise: float | None = None
         """The reference's own E, estimated at the first frame."""
+        self.seen: Seen | None = None
+        """What the frame looked at last should show."""
         compared = options.compared
         places = np.linspace(0, len(compared) - 1, min(len(compared), FILM_FRAMES))
         self._film_frames = {compared[round(place)] for place in places}
@@ -100,46 +118,67 @@ class Judge:
             threads=options.threads,
         )
 
-    def look(self, results: Mapping[str, FrameResult], renderers: Mapping[str, Renderer]) -> dict[str, dict[str, Any]]:
-        """Compares one frame under each policy; writes its pictures if it is a key frame. Figures by policy."""
+    def look(
+        self,
+        results: Mapping[str, FrameResult],
+        renderers: Mapping[str, Renderer],
+        before: Mapping[str, np.ndarray],
+    ) -> dict[str, dict[str, Any]]:
+        """Compares one frame under each policy with its reference; figures by policy.
+
+        `before` has the pictures of the frame before, none for frame 0. A frame that is not among those compared is
+        one at which something changes at once: of it there is the part of darkened pixels alone. Pictures are written
+        of key frames.
+        """
         first = self.options.policies[0]
         renderer, result = renderers[first], results[first]
         wanted = renderer.picture(result, self.reference.published(result.frame, self._looked_at(result)))
         if self.exposure is None:
             self.exposure = exposure_for(wanted)
         straight = straight_light(renderer, result)
-        counted = counted_pixels(straight, wanted)
-        mapped = wanted[counted] - straight[counted]
-        if self.noise is None:
-            self.noise = self._noise(renderer, result, straight, mapped, counted)
-        figures: dict[str, dict[str, Any]] = {
-            name: {
-                "error": error(shown.image[counted] - straight[counted], mapped),
-                "energy": energy(shown.image[counted] - straight[counted], mapped),
-                "relative_mse": relative_mse(shown.image[counted] - straight[counted], mapped),
-                "counted": float(counted.mean()),
-            }
-            for name, shown in results.items()
+        self.seen = seen = Seen(mapped=wanted - straight, straight=straight, counted=counted_pixels(straight, wanted))
+        figures: dict[str, dict[str, Any]] = {name: {} for name in results}
+        for name, image in before.items():
+            figures[name]["darkened"] = darkened(results[name].image, image, straight, seen.mapped, seen.counted)
+        if result.frame in self.options.compared:
+            if self.noise is None:
+                self.noise = self._noise(renderer, result, seen)
+            for name, shown in results.items():
+                figures[name] |= self._measures(shown.image, seen)
+            self._show(results, renderers, wanted, figures)
+        return figures
+
+    def _measures(self, image: np.ndarray, seen: Seen) -> dict[str, Any]:
+        """The figures of one picture, (H, W, 3), that are means over pixels."""
+        shown, mapped = (image - seen.straight)[seen.counted], seen.mapped[seen.counted]
+        return {
+            "error": error(shown, mapped),
+            "energy": energy(shown, mapped),
+            "relative_mse": relative_mse(shown, mapped),
+            "counted": float(seen.counted.mean()),
         }
-        if result.frame in self._film_frames:
+
+    def _show(
+        self,
+        results: Mapping[str, FrameResult],
+        renderers: Mapping[str, Renderer],
+        wanted: np.ndarray,
+        figures: dict[str, dict[str, Any]],
+    ) -> None:
+        """Takes a compared frame into the film, and writes the pictures of a key frame; adds FLIP to its figures."""
+        assert self.seen is not None
+        frame, counted = results[self.options.full].frame, self.seen.counted
+        if frame in self._film_frames:
             self._film.append(self._film_frame(results, wanted, counted))
-        if result.frame in self.options.shown:
+        if frame in self.options.shown:
             for name, value in self._write(results, wanted, counted).items():
                 figures[name]["flip"] = value
             full = self.options.full
             for quantity in QUANTITIES:
-                place = self.folder / "maps" / f"{result.frame:04}"
+                place = self.folder / "maps" / f"{frame:04}"
                 write_quantity(place, quantity, self.lightmaps, results[full], renderers[full].state)
-        return figures
 
-    def _noise(
-        self,
-        renderer: Renderer,
-        result: FrameResult,
-        straight: np.ndarray,
-        mapped: np.ndarray,
-        counted: np.ndarray,
-    ) -> float | None:
+    def _noise(self, renderer: Renderer, result: FrameResult, seen: Seen) -> float | None:
         """The reference's own E, from one of fewer rays and other random numbers, which differs by the noise of both.
 
         Taken to fall with the root of the number of rays; it falls faster, so this is rather too much.
@@ -147,7 +186,8 @@ class Judge:
         rays = self.options.reference_rays
         fewer = max(rays // NOISE_RAYS, LEAST_RAYS)
         other = self._reference(fewer, 1).published(result.frame, self._looked_at(result))
-        between = error(renderer.picture(result, other)[counted] - straight[counted], mapped)
+        shown = renderer.picture(result, other) - seen.straight
+        between = error(shown[seen.counted], seen.mapped[seen.counted])
         return None if between is None else between / float(np.sqrt(1 + rays / fewer))
 
     def _looked_at(self, result: FrameResult) -> np.ndarray | None:

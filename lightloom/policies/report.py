@@ -14,6 +14,7 @@ from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.policies.options import Comparison
 from lightloom.policies.parameters import changed_parameters, parameters
+from lightloom.policies.steps import Lag, longest
 from lightloom.render.policy_pictures import (
     ERROR_FLOOR,
     ERROR_RANGE,
@@ -26,6 +27,8 @@ from lightloom.render.policy_pictures import (
 
 LEAST_COUNTED = 0.5
 """Part of a frame's pixels that count, below which it is said."""
+LEAST_UPDATES = 20
+"""Of fewer a frame the budget's remainder is a large part."""
 DECIDING = ("visibility", "footprints")
 """Kinds of rays by which a policy makes up its mind."""
 
@@ -70,8 +73,18 @@ def comparison_report(
     renderers: Mapping[str, Renderer],
     rows: Mapping[str, list[dict[str, Any]]],
     plans: Mapping[str, Schedule],
+    lags: Sequence[Lag],
 ) -> dict[str, Any]:
-    summaries = {name: summary(frames, options.budget) for name, frames in rows.items()}
+    valid = int((lightmaps.texels["state"] == VALID).sum())
+    rays_an_update = options.sampling.reserve(scene.specular)
+    summaries = {}
+    for name, frames in rows.items():
+        late = [lag.of(name, turn(frames[lag.step.first]["visible"], options)) for lag in lags]
+        summaries[name] = (
+            summary(frames, options.budget)
+            | longest([lag for lag in late if lag is not None])
+            | budget_shares(frames, options.budget, rays_an_update, valid)
+        )
     base = summaries[options.baseline]
     for figures in summaries.values():
         for measure in MEASURES:
@@ -99,14 +112,14 @@ def comparison_report(
         "objects": len(scene.object_names),
         "dynamic": scene.dynamic,
         "texels": len(lightmaps.texels),
-        "valid": int((lightmaps.texels["state"] == VALID).sum()),
+        "valid": valid,
         "baseline": options.baseline,
         "full": options.full,
         "options": asdict(options),
         "command": options.command,
         "key_frames": options.shown,
         "few_counted": few_counted(rows[options.full]),
-        "rays_an_update": options.sampling.reserve(scene.specular),
+        "rays_an_update": rays_an_update,
         "policies": policies,
         "parameters": parameters(POLICIES[options.full]),
         "error_scale": {"range": ERROR_RANGE, "floor": ERROR_FLOOR, "colours": error_legend()},
@@ -125,6 +138,24 @@ def comparison_report(
             for quantity in QUANTITIES
         ],
     }
+
+
+def turn(visible: int, options: Comparison) -> float:
+    """Frames that it takes to update so many visible texels once each, if all rays of the budget went to them.
+
+    An update without mirrors is taken, of which there are more: so lags are rather too many turns. At least one texel.
+    """
+    return max(visible, 1) * options.sampling.reserve(specular=False) / options.budget
+
+
+def budget_shares(frames: Sequence[Mapping[str, Any]], budget: int, rays_an_update: int, valid: int) -> dict[str, Any]:
+    """The least and the greatest part of the budget that a frame has spent, and whether the least counts.
+
+    It counts (else it is None) where the budget pays for `LEAST_UPDATES` and for no more than all valid texels.
+    """
+    shares = [frame["spent"] / budget for frame in frames]
+    counts = LEAST_UPDATES * rays_an_update <= budget <= valid * rays_an_update
+    return {"least_share": min(shares) if counts else None, "greatest_share": max(shares)}
 
 
 def machine_seconds(plan: Schedule) -> float:
@@ -163,6 +194,7 @@ def summary(frames: Sequence[Mapping[str, Any]], budget: int) -> dict[str, Any]:
         "worst_error": most("error"),
         "energy": mean("energy"),
         "jump": most("jump"),
+        "darkened": most("darkened"),
         "texels": mean("texels"),
         "on_visible": mean("on_visible"),
         "unknown": mean("unknown"),

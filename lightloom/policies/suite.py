@@ -4,7 +4,7 @@ Cases are computed side by side, and kept: what an interrupted run had done, the
 option has changed since, they are made anew.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
@@ -12,13 +12,16 @@ from typing import Any
 
 import numpy as np
 
-from lightloom.gen.pages.suite_page import suite_page
+from lightloom.gen.pages.suite_page import markdown_table, suite_page
 from lightloom.golden_model.host.outputs import whole_file
 from lightloom.golden_model.stimuli.layouts.catalogue import LAYOUTS
 from lightloom.policies.case import Case, run_case
 from lightloom.policies.options import Comparison
 from lightloom.shared.console import Progress, json_text
 from lightloom.shared.provenance import machine, versions
+
+WORST = ("jump", "lag", "lag_turns", "darkened", "oldest", "greatest_share")
+"""Figures of the last policy of which a row has the greatest of all seeds; None: no seed has it."""
 
 
 def run_suite(
@@ -55,7 +58,7 @@ def write_suite(chosen: list[Case], options: Comparison, folder: Path, jobs: int
     }
     texts = {
         "suite.json": json_text(report),
-        "suite.md": "\n".join([*written(rows), ""]),
+        "suite.md": "\n".join([*markdown_table(rows), ""]),
         "index.html": suite_page(report),
     }
     for name, text in texts.items():
@@ -83,6 +86,10 @@ def _row(layout: str, budget: str, group: list[dict[str, Any]]) -> dict[str, Any
     full, others = errors[names[-1]], [errors[name] for name in names[:-1]] or [errors[names[-1]]]
     best = min(others, key=lambda each: each.mean())
     last = [case["policies"][names[-1]] for case in group]
+
+    def every(name: str) -> list[Any]:
+        return [each[name] for each in last if each[name] is not None]
+
     return {
         "layout": layout,
         "about": LAYOUTS[layout].about,
@@ -90,10 +97,11 @@ def _row(layout: str, budget: str, group: list[dict[str, Any]]) -> dict[str, Any
         "errors": {name: float(each.mean()) for name, each in errors.items()},
         "against_best": float(full.mean() / best.mean()),
         "worst_run": float((full / np.minimum.reduce(others)).max()),
-        "energy": float(np.mean([each["energy"] for each in last])),
-        "jump": max((each["jump"] for each in last if each["jump"] is not None), default=None),
-        "oldest": max(each["oldest"] for each in last),
-        "least_spent": min(each["least_spent"] / case["rays"] for each, case in zip(last, group, strict=True)),
+        "energy": float(np.mean(every("energy"))),
+        "flip": float(np.mean(every("flip"))),
+        **{name: max(every(name), default=None) for name in WORST},
+        "never_shown": sum(every("never_shown")),
+        "least_share": min(every("least_share"), default=None),
         "pages": [case["page"] for case in group],
     }
 
@@ -103,24 +111,3 @@ def geometric_means(rows: list[dict[str, Any]]) -> dict[str, float]:
     first = next(iter(rows[0]["errors"]))
     ratios = {name: [row["errors"][name] / row["errors"][first] for row in rows] for name in rows[0]["errors"]}
     return {name: float(np.exp(np.log(each).mean())) for name, each in ratios.items()}
-
-
-def written(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """The table as Markdown."""
-    names = list(rows[0]["errors"])
-    columns = [
-        "layout",
-        "budget",
-        *(f"E {name}" for name in names),
-        "ratio to the better",
-        "worst run",
-        "energy",
-        "jump",
-    ]
-    yield f"| {' | '.join(columns)} |"
-    yield f"|{'---|' * len(columns)}"
-    for row in rows:
-        errors = [f"{100 * row['errors'][name]:.2f} %" for name in names]
-        jump = "" if row["jump"] is None else f"{100 * row['jump']:.2f} %"
-        shown = [*errors, f"{row['against_best']:.2f}", f"{row['worst_run']:.2f}", f"{row['energy']:.3f}", jump]
-        yield f"| {row['layout']} | {row['budget']} | {' | '.join(shown)} |"

@@ -14,10 +14,10 @@ from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
 from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.scene.lightmap import EMPTY, VALID
-from lightloom.policies.judge import counted_pixels, error, flip, straight_light, visible_texels
+from lightloom.policies.judge import counted_pixels, darkened, error, flip, straight_light, visible_texels
 from lightloom.policies.options import Comparison
 from lightloom.policies.parameters import changed_parameters, parameters
-from lightloom.policies.report import few_counted, summary
+from lightloom.policies.report import budget_shares, few_counted, summary, turn
 from lightloom.render.policy_pictures import (
     ERROR_RANGE,
     QUANTITIES,
@@ -86,6 +86,30 @@ def test_error_is_the_sum_of_departures_over_the_sum_of_the_reference() -> None:
     assert error(image, np.zeros_like(reference)) is None
     image[0, 0, 0] = np.nan  # counts in neither sum
     assert error(image, reference) == pytest.approx(4 / 9)
+
+
+def test_darkened_pixels_are_below_a_quarter_of_both() -> None:
+    before = np.array([[4, 4, 0.5, 4, 4]], dtype=np.float32)
+    wanted = np.array([[4, 0.5, 4, 4, 4]], dtype=np.float32)
+    shown = np.array([[0.9, 0.9, 0.9, 1.0, 0.0]], dtype=np.float32)
+    straight = np.full((1, 5, 3), 0.25, dtype=np.float32)
+    pictures = [np.repeat(each[..., None], 3, axis=2) for each in (shown, before, wanted)]
+    every = np.ones((1, 5), dtype=bool)
+    assert darkened(pictures[0] + straight, pictures[1], straight, pictures[2], every) == 2 / 5
+    first = np.array([[True, True, False, False, False]])
+    assert darkened(pictures[0] + straight, pictures[1], straight, pictures[2], first) == 1 / 2
+    assert darkened(pictures[0] + straight, pictures[1], straight, pictures[2], ~every) == 0
+
+
+def test_shares_of_the_budget() -> None:
+    """The least counts where the budget pays for 20 updates, and for no more than all texels."""
+    frames = [{"spent": 96}, {"spent": 101}]
+    assert budget_shares(frames, 100, 5, 20) == {"least_share": 0.96, "greatest_share": 1.01}
+    assert budget_shares(frames, 100, 5, 19)["least_share"] is None
+    assert budget_shares(frames, 100, 6, 1000)["least_share"] is None
+    options = Comparison(budget=100, directions=16, light_samples=4)
+    assert turn(50, options) == 10
+    assert turn(0, options) > 0
 
 
 def test_relative_error_has_a_sign_and_a_floor() -> None:
@@ -286,6 +310,9 @@ def test_policies(cli: Run, tmp_path: Path, room: Path) -> None:
         assert policy["summary"]["within_budget"]
         assert 0 < policy["summary"]["machine_seconds"] < 0.1
         assert 0 <= rows[3]["flip"] < 1
+        assert ["darkened" in row for row in rows] == [False, True, False, True]
+        assert 0.5 < policy["summary"]["greatest_share"] <= 1
+        assert policy["summary"]["lags"] == 0
     first, *others = report["policies"]
     assert first["summary"]["error_ratio"] == 1
     assert all(other["changes"] for other in others)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lightloom.gen.pages.suite_page import markdown_table
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, READABLE, SEEDS, write_layout
 from lightloom.policies.case import cases
@@ -33,7 +34,7 @@ def test_cases_are_kept(cli: Run, tmp_path: Path) -> None:
     assert list(report["means"]) == report["policies"] == ["round-robin", "visibility", "influence"]
     for row in report["rows"]:
         assert set(row["errors"]) == set(report["policies"])
-        assert row["least_spent"] > 0.95
+        assert 0.95 < row["least_share"] <= row["greatest_share"] <= 1
         assert 0.5 < row["energy"] < 1.5
         for page in row["pages"]:
             assert (out / page / "index.html").exists()
@@ -81,7 +82,8 @@ def test_bad_input(cli: Run, arguments: list[str], said: str, tmp_path: Path) ->
 
 
 def figures(layout: str, seed: int, **errors: float) -> dict[str, Any]:
-    each = {"energy": 1.0, "jump": None, "oldest": 3, "least_spent": 90}
+    each = {"energy": 1.0, "flip": 0.1, "jump": None, "darkened": 0.0, "oldest": 3, "never_shown": seed}
+    each |= {"lag": 4 + seed, "lag_turns": 0.5, "least_share": 0.9 if seed else None, "greatest_share": 1.0}
     policies = {name: {"error": error, **each} for name, error in errors.items()}
     return {
         "layout": layout,
@@ -105,7 +107,11 @@ def test_the_worst_comes_first() -> None:
     assert [row["layout"] for row in rows] == ["corridor", "torch"]
     assert [row["against_best"] for row in rows] == pytest.approx([1.0, 0.5])
     assert [row["worst_run"] for row in rows] == pytest.approx([1.5, 0.5])
-    assert rows[0]["least_spent"] == 0.9
+    assert [rows[0][name] for name in ("least_share", "lag", "never_shown", "jump")] == [0.9, 5, 1, None]
+    header, _, first, second = markdown_table(rows)
+    assert header.count("|") == first.count("|") == second.count("|")
+    assert "| > 5 (0.5) |" in first
+    assert "| 4 (0.5) |" in second
     assert geometric_means(rows) == pytest.approx({"first": 1, "second": 1, "last": 0.5})
 
 
