@@ -39,6 +39,11 @@ def spent(row: Row) -> str:
     return least + share(row["greatest_share"])
 
 
+def true_error(row: Row) -> str:
+    """E true and the noise of what it is against."""
+    return "" if row["true_error"] is None else f"{share(row['true_error'])} ± {share(row['true_noise'])}"
+
+
 COLUMNS = (
     Column(
         "to the better",
@@ -78,6 +83,17 @@ COLUMNS = (
         "frames since the last update of any texel that is read",
     ),
     Column(
+        "E true",
+        true_error,
+        "the same as E, over blocks of 8 x 8 pixels, against a path-traced picture that reads no map, after 60 frames "
+        "at rest, and the noise of that picture",
+    ),
+    Column(
+        "energy true",
+        lambda row: "" if row["true_energy"] is None else f"{row['true_energy']:.3f}",
+        "light in that picture at rest over light in the path-traced one",
+    ),
+    Column(
         "rays spent",
         spent,
         "the least and the greatest part of the budget that a frame has spent",
@@ -87,15 +103,20 @@ COLUMNS = (
 """Of the last policy. JSON has what they are made of."""
 
 
+def columns_of(rows: list[dict[str, Any]]) -> list[Column]:
+    """The columns in which some row has a figure."""
+    return [column for column in COLUMNS if any(column.shown(row) for row in rows)]
+
+
 def markdown_table(rows: list[dict[str, Any]]) -> Iterator[str]:
     """The table as Markdown, line by line."""
     names = list(rows[0]["errors"])
-    columns = ["layout", "budget", *(f"E {name}" for name in names), *(column.name for column in COLUMNS)]
+    columns = ["layout", "budget", *(f"E {name}" for name in names), *(column.name for column in columns_of(rows))]
     yield f"| {' | '.join(columns)} |"
     yield f"|{'---|' * len(columns)}"
     for row in rows:
         errors = [share(row["errors"][name]) for name in names]
-        shown = [column.shown(row) for column in COLUMNS]
+        shown = [column.shown(row) for column in columns_of(rows)]
         yield f"| {' | '.join([row['layout'], row['budget'], *errors, *shown])} |"
 
 
@@ -107,7 +128,7 @@ def suite_page(report: Mapping[str, Any]) -> str:
     return pages.get_template("suite.html").render(
         **{name: report[name] for name in ("rows", "means", "versions", "command")},
         names=names,
-        columns=COLUMNS,
+        columns=columns_of(rows),
         baseline=names[0],
         full=names[-1],
         layouts=len({row["layout"] for row in rows}),

@@ -89,6 +89,15 @@ class PoliciesOptions:
     reference_every: Annotated[
         int, typer.Option("--reference-every", metavar="K", help="Compare every K-th frame.")
     ] = 2
+    true: Annotated[
+        bool,
+        typer.Option(
+            "--true", help="Also compare the picture at rest with a path-traced one, which reads no map; takes minutes."
+        ),
+    ] = False
+    true_samples: Annotated[
+        int, typer.Option("--true-samples", metavar="N", help="Paths a pixel of that picture (even).")
+    ] = 512
     key_frames: Annotated[
         str | None,
         typer.Option("--key-frames", metavar="K,K", help="Frames to show as pictures; else four of those compared."),
@@ -123,6 +132,9 @@ def policies(options: PoliciesOptions) -> None:
       film.webp       the first and the last policy, and their errors
       frames/NNNN/    pictures and errors of each policy     maps/NNNN/   what the last policy knows of the texels
 
+    With --true the frames go on until nothing has changed for 60 of them, and the last is compared with a path-traced
+    picture: E true, over blocks of 8x8 pixels. That picture is kept, for what has it in common.
+
     With --suite, DIR has a table of all layouts, the worst first (index.html, suite.json, suite.md), and what is above
     for each case in a folder of cases/. What an interrupted run had done is kept there, and taken by the next one.
 
@@ -131,6 +143,7 @@ def policies(options: PoliciesOptions) -> None:
       lightloom policies cornell-box
       lightloom policies scenes/bunny.toml --frames 24 --budget 40000 --size 480x320
       lightloom policies --suite --out build/suite
+      lightloom policies room.toml --true --true-samples 2048
       lightloom policies room.toml --policies round-robin,influence --key-frames 11,12,20 --out build/room
     """
     _check(options)
@@ -233,6 +246,7 @@ def _check(options: PoliciesOptions) -> None:
     at_least(options.jobs, 1, "--jobs")
     choose(options.backend, BACKENDS, "backend")
     at_least(options.reference_every, 1, "--reference-every")
+    at_least(options.true_samples, 2, "--true-samples")
     if options.frames is not None:
         at_least(options.frames, 1, "--frames")
     if options.size is not None:
@@ -261,6 +275,7 @@ def _comparison(options: PoliciesOptions, own: "RenderDefaults") -> "Comparison"
         light_samples=options.light_samples,
         reference_rays=options.reference_rays,
         reference_every=options.reference_every,
+        true_samples=options.true_samples if options.true else 0,
         key_frames=whole_numbers(options.key_frames, "--key-frames") if options.key_frames is not None else (),
         exposure=options.exposure,
         seed=options.seed,
@@ -282,12 +297,18 @@ def _print_table(report: dict[str, Any], comparison: "Comparison") -> None:
                 _shown(found["error_ratio"]),
                 _shown(found["age"]),
                 found["largest_spent"],
+                *(
+                    [_shown(found[name], 100) for name in ("true_error", "true_noise")]
+                    if comparison.true_samples
+                    else []
+                ),
             ]
         )
     print_table(
         f"{report['scene']}, {comparison.frames} frame{'s' if comparison.frames > 1 else ''} of "
         f"{comparison.width}x{comparison.height}, {comparison.budget:,} rays a frame",
-        ["policy", "mean error %", "worst %", "updates on texels read %", "ratio", "mean age", "rays, at most"],
+        ["policy", "mean error %", "worst %", "updates on texels read %", "ratio", "mean age", "rays, at most"]
+        + (["E true %", "its noise %"] if comparison.true_samples else []),
         rows,
     )
 

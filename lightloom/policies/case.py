@@ -19,6 +19,7 @@ from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, READABLE, 
 from lightloom.golden_model.tracing.bvh.structure import Structure
 from lightloom.policies.comparison import write_comparison
 from lightloom.policies.options import Comparison
+from lightloom.policies.report import TRUE
 from lightloom.shared.console import Progress
 from lightloom.shared.step_cache import key_of
 from lightloom.sim.toolchain import locked
@@ -28,6 +29,7 @@ CASES = "cases"
 FIGURES = (
     *("error", "worst_error", "energy", "flip", "jump", "darkened"),
     *("lag", "lag_turns", "lags", "never_shown", "oldest", "unknown", "least_share", "greatest_share"),
+    *TRUE,
 )
 """What the suite takes of the summary of each policy."""
 

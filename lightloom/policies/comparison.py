@@ -1,5 +1,6 @@
 """Policies side by side: the same scene, seed and budget under each, against converged lightmaps of the same frames."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +11,15 @@ from lightloom.gen.pages.timeline import timeline
 from lightloom.golden_model.machine.cost_model import FrameCounts, Machine
 from lightloom.golden_model.machine.schedule import schedule
 from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
-from lightloom.golden_model.renderer import Renderer
+from lightloom.golden_model.renderer import FrameResult, Renderer
 from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.scene import Scene
-from lightloom.policies.judge import Judge, visible_texels
+from lightloom.policies.judge import Judge, straight_light, visible_texels
 from lightloom.policies.options import Comparison
 from lightloom.policies.report import comparison_report, frame_row
 from lightloom.policies.steps import Lag, steps
 from lightloom.policies.still import jump, still_frames
+from lightloom.policies.true_error import resting_frame, true_figures, true_pictures
 from lightloom.shared.console import Progress, json_text
 from lightloom.shared.provenance import machine, versions
 
@@ -34,6 +36,7 @@ def compare(
     the film. In `folder`: film.webp, timeline.svg, and for each key frame NNNN frames/NNNN/reference.png, POLICY.png
     and POLICY-error.png, and of the last policy maps/NNNN/QUANTITY.png and QUANTITY-maps.png.
     """
+    rest = resting_frame(scene, options.frames) if options.true_samples else None
     with progress.stage("First light", len(options.policies)) as advance:
         renderers = {}
         for name in options.policies:
@@ -67,6 +70,7 @@ def compare(
                 rows[name].append(row)
                 before[name] = result.image
                 counts[name].append(result.counts)
+    true = {} if rest is None else _true(results, renderers, rest, options, progress)
     with progress.stage("Film and timelines"):
         judge.write_film()
         # Frames follow each other as fast as they are done, so that their times tell what they cost.
@@ -77,7 +81,7 @@ def compare(
         times = plans[options.full].frames
         drawn = timeline(plans[options.full], times[first].begin, times[last].shown)
         (folder / "timeline.svg").write_text(drawn, encoding="utf-8")
-    return comparison_report(scene, lightmaps, options, renderers, rows, plans, lags) | {
+    return comparison_report(scene, lightmaps, options, renderers, rows, plans, lags, true) | {
         "timeline_frames": [first, last],
         "exposure": judge.exposure,
         "reference": {
@@ -85,8 +89,30 @@ def compare(
             "every": options.reference_every,
             "frames": options.compared,
             "noise": judge.noise,
+            "true_samples": options.true_samples,
+            "true_frame": rest,
         },
     }
+
+
+def _true(
+    results: Mapping[str, FrameResult],
+    renderers: Mapping[str, Renderer],
+    rest: int,
+    options: Comparison,
+    progress: Progress,
+) -> dict[str, dict[str, Any]]:
+    """E true of each policy at frame `rest`; up to there they go on from the frames that gave `results`."""
+    last, found = dict(results), {}
+    with progress.stage("Coming to rest", rest + 1 - options.frames) as advance:
+        for _ in range(options.frames, rest + 1):
+            last = {name: renderer.frame() for name, renderer in renderers.items()}
+            advance(1)
+    with progress.stage("Path-traced picture") as advance:
+        pictures = true_pictures(last[options.full], options.true_samples, options.backend, advance)
+    for name, result in last.items():
+        found[name] = true_figures(result.image, straight_light(renderers[name], result), pictures)
+    return found
 
 
 def _renderer(scene: Scene, lightmaps: Lightmaps, options: Comparison, policy: Policy) -> Renderer:

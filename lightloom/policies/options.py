@@ -36,6 +36,8 @@ class Comparison:
     """Rays for indirect light a texel of the reference."""
     reference_every: int = 2
     """Every so many frames are compared, from frame 0."""
+    true_samples: int = 0
+    """Paths a pixel of the path-traced picture that the frame at rest is compared with; 0: it is not."""
     key_frames: tuple[int, ...] = ()
     """Frames shown as pictures, rising; none: `KEY_FRAMES` of the compared ones, evenly spread."""
     exposure: float | None = None
@@ -50,6 +52,8 @@ class Comparison:
         for name, value in (("frames", self.frames), ("reference-every", self.reference_every)):
             if value < 1:
                 raise InputError(f"--{name} {value}: must be at least 1")
+        if self.true_samples < 0 or self.true_samples % 2:
+            raise InputError(f"--true-samples {self.true_samples}: must be even, half for each of two pictures")
         if any(not 0 <= frame < self.frames for frame in self.key_frames):
             shown = ",".join(str(frame) for frame in self.key_frames)
             raise InputError(f"--key-frames {shown}: must be 0 to {self.frames - 1}")
@@ -92,9 +96,12 @@ class Comparison:
             "key-frames": ",".join(str(frame) for frame in self.shown),
             "seed": self.seed,
         }
+        if self.true_samples:
+            options["true-samples"] = self.true_samples
         if self.exposure is not None:
             options["exposure"] = self.exposure
-        return " ".join(["lightloom policies", self.scene, *(f"--{name} {value}" for name, value in options.items())])
+        given = [f"--{name} {value}" for name, value in options.items()]
+        return " ".join(["lightloom policies", self.scene, *given, *(["--true"] if self.true_samples else [])])
 
     @property
     def baseline(self) -> str:

@@ -34,6 +34,8 @@ DECIDING = ("visibility", "footprints")
 
 MEASURES = ("error", "relative_mse", "flip")
 """What is compared with the baseline's."""
+TRUE = ("true_error", "true_energy", "true_noise")
+"""What a summary has of E true; None without --true."""
 
 ABOUT = {
     "round-robin": "All texels in turn, whether anyone sees them or not.",
@@ -74,6 +76,7 @@ def comparison_report(
     rows: Mapping[str, list[dict[str, Any]]],
     plans: Mapping[str, Schedule],
     lags: Sequence[Lag],
+    true: Mapping[str, Mapping[str, Any]],
 ) -> dict[str, Any]:
     valid = int((lightmaps.texels["state"] == VALID).sum())
     rays_an_update = options.sampling.reserve(scene.specular)
@@ -84,6 +87,7 @@ def comparison_report(
             summary(frames, options.budget)
             | longest([lag for lag in late if lag is not None])
             | budget_shares(frames, options.budget, rays_an_update, valid)
+            | dict(true.get(name) or dict.fromkeys(TRUE))
         )
     base = summaries[options.baseline]
     for figures in summaries.values():

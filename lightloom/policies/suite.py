@@ -17,6 +17,7 @@ from lightloom.golden_model.host.outputs import whole_file
 from lightloom.golden_model.stimuli.layouts.catalogue import LAYOUTS
 from lightloom.policies.case import Case, run_case
 from lightloom.policies.options import Comparison
+from lightloom.policies.report import TRUE
 from lightloom.shared.console import Progress, json_text
 from lightloom.shared.provenance import machine, versions
 
@@ -99,6 +100,7 @@ def _row(layout: str, budget: str, group: list[dict[str, Any]]) -> dict[str, Any
         "worst_run": float((full / np.minimum.reduce(others)).max()),
         "energy": float(np.mean(every("energy"))),
         "flip": float(np.mean(every("flip"))),
+        **{name: float(np.mean(every(name))) if every(name) else None for name in TRUE},
         **{name: max(every(name), default=None) for name in WORST},
         "never_shown": sum(every("never_shown")),
         "least_share": min(every("least_share"), default=None),

@@ -90,6 +90,13 @@ def made_up(folder: Path) -> dict[str, Any]:
                     "relative_mse_ratio": error / 0.2,
                     "flip": 0.0123,
                     "flip_ratio": 1.0,
+                    "jump": 0.0456,
+                    "lag": 17,
+                    "never_shown": int(name == "round-robin"),
+                    "darkened": None,
+                    "true_error": 0.0321,
+                    "true_energy": 0.987,
+                    "true_noise": 0.0011,
                     "texels": 40.0,
                     "on_visible": 0.5,
                     "unknown": 0.0,
@@ -136,7 +143,8 @@ def made_up(folder: Path) -> dict[str, Any]:
         ],
         "exposure": 1.0,
         "few_counted": None,
-        "reference": {"rays": 512, "every": 2, "frames": [0, 2, 4, 6, 8], "noise": 0.0071},
+        "reference": {"rays": 512, "every": 2, "frames": [0, 2, 4, 6, 8], "noise": 0.0071}
+        | {"true_samples": 0, "true_frame": None},
         "versions": {"python": "3"},
         "machine": {"processor": "p", "cores": 2, "system": "s", "architecture": "a"},
         "seconds": {"Charts": 1.0},
@@ -163,6 +171,18 @@ def test_page_says_what_the_figures_say(tmp_path: Path) -> None:
         assert text in words
     assert words.count("exceeded") == 1 + 1  # the policy that did, and the sentence that says that none does
     assert words.count("kept") == 2
+
+
+def test_page_has_what_a_path_traced_picture_says(tmp_path: Path) -> None:
+    report = made_up(tmp_path)
+    words = " ".join(Page(policies_page(report, tmp_path)).text.split())
+    assert "E true" not in words
+    assert "> 17" in words
+    report["reference"] |= {"true_samples": 1024, "true_frame": 88}
+    words = " ".join(Page(policies_page(report, tmp_path)).text.split())
+    assert "E true is that of frame 88" in words
+    assert "with 1,024 paths a pixel, whose own noise is 0.11 %" in words
+    assert "3.21 %0.987" in words
 
 
 def test_page_says_where_few_pixels_count(tmp_path: Path) -> None:

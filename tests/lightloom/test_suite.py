@@ -84,6 +84,7 @@ def test_bad_input(cli: Run, arguments: list[str], said: str, tmp_path: Path) ->
 def figures(layout: str, seed: int, **errors: float) -> dict[str, Any]:
     each = {"energy": 1.0, "flip": 0.1, "jump": None, "darkened": 0.0, "oldest": 3, "never_shown": seed}
     each |= {"lag": 4 + seed, "lag_turns": 0.5, "least_share": 0.9 if seed else None, "greatest_share": 1.0}
+    each |= {"true_error": 0.03 if seed else None, "true_energy": 0.99, "true_noise": 0.001}
     policies = {name: {"error": error, **each} for name, error in errors.items()}
     return {
         "layout": layout,
@@ -108,6 +109,9 @@ def test_the_worst_comes_first() -> None:
     assert [row["against_best"] for row in rows] == pytest.approx([1.0, 0.5])
     assert [row["worst_run"] for row in rows] == pytest.approx([1.5, 0.5])
     assert [rows[0][name] for name in ("least_share", "lag", "never_shown", "jump")] == [0.9, 5, 1, None]
+    assert [row["true_error"] for row in rows] == [0.03, None]
+    assert "| E true |" in next(markdown_table(rows))
+    assert "E true" not in next(markdown_table(rows[1:]))
     header, _, first, second = markdown_table(rows)
     assert header.count("|") == first.count("|") == second.count("|")
     assert "| > 5 (0.5) |" in first
