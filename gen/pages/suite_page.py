@@ -35,8 +35,8 @@ def lag(row: Row) -> str:
 
 def spent(row: Row) -> str:
     """The least and the greatest part of the budget spent; without the least where that does not count."""
-    least = "" if row["least_share"] is None else f"{share(row['least_share'])} to "
-    return least + share(row["greatest_share"])
+    greatest = share(row["greatest_share"])
+    return greatest if row["least_share"] is None else f"{100 * row['least_share']:.2f} to {greatest}"
 
 
 def true_error(row: Row) -> str:
@@ -126,7 +126,7 @@ def suite_page(report: Mapping[str, Any]) -> str:
     pages = environment()
     pages.filters.update(percent=percent, times=times, share=share)
     return pages.get_template("suite.html").render(
-        **{name: report[name] for name in ("rows", "means", "versions", "command")},
+        **{name: report[name] for name in ("rows", "means", "bars", "versions", "command")},
         names=names,
         columns=columns_of(rows),
         baseline=names[0],

@@ -1,5 +1,6 @@
 """`lightloom policies`."""
 
+import json
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -59,6 +60,15 @@ class PoliciesOptions:
     ] = None
     seeds: Annotated[int, typer.Option("--seeds", metavar="N", help="Of the suite so many seeds, from 0 on.")] = 3
     jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Cases of the suite at a time.")] = 2
+    bars: Annotated[
+        bool, typer.Option("--bars", help="Of the suite say what its figures have to be, and whether they are.")
+    ] = False
+    before: Annotated[
+        Path | None,
+        typer.Option(
+            "--before", metavar="FILE", help="suite.json of an earlier build, against whose round-robin bars are held."
+        ),
+    ] = None
     names: Annotated[
         str | None,
         typer.Option("--policies", metavar="A,B", help="Policies by name, each compared with the first; else all."),
@@ -142,7 +152,7 @@ def policies(options: PoliciesOptions) -> None:
     Examples:
       lightloom policies cornell-box
       lightloom policies scenes/bunny.toml --frames 24 --budget 40000 --size 480x320
-      lightloom policies --suite --out build/suite
+      lightloom policies --suite --bars --out build/suite
       lightloom policies room.toml --true --true-samples 2048
       lightloom policies room.toml --policies round-robin,influence --key-frames 11,12,20 --out build/room
     """
@@ -182,7 +192,7 @@ def _scene_of(options: PoliciesOptions) -> str:
     return options.scene
 
 
-SUITE_ONLY = {"layouts": None, "seeds": 3, "jobs": 2}
+SUITE_ONLY = {"layouts": None, "seeds": 3, "jobs": 2, "bars": False, "before": None}
 SCENE_ONLY = ("scene", "budget", "exposure")
 """Options that make no sense without the suite, with their defaults; and with it."""
 
@@ -203,12 +213,35 @@ def _suite(options: PoliciesOptions) -> None:
     own = RenderDefaults(frames=SUITE_FRAMES, size=(SUITE_SIZE[0], SUITE_SIZE[1]))
     comparison = _comparison(replace(options, scene="", names=options.names or ",".join(SUITE_POLICIES)), own)
     command = f"lightloom policies --suite --layouts {','.join(names)} --seeds {options.seeds}"
-    report = write_suite(cases(names, SEEDS[: options.seeds]), comparison, options.out, options.jobs, command)
+    before = None if options.before is None else _suite_file(options.before)
+    report = write_suite(cases(names, SEEDS[: options.seeds]), comparison, options.out, options.jobs, command, before)
     if options.json:
         print_json(report)
     else:
         _print_suite(report)
+        if options.bars:
+            _print_bars(report)
         print(f"Written to {options.out / 'index.html'}")
+
+
+def _suite_file(path: Path) -> dict[str, Any]:
+    """What a suite.json holds."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"--before {path}: cannot be read ({error}); give the suite.json of a suite") from error
+    if not isinstance(found, dict) or not {"cases", "policies"} <= set(found):
+        raise InputError(f"--before {path}: no cases in it; give the suite.json of a suite")
+    if "round-robin" not in found["policies"]:
+        raise InputError(f"--before {path}: round-robin takes no part; give a suite in which it does")
+    return found
+
+
+def _print_bars(report: dict[str, Any]) -> None:
+    from lightloom.shared.console import print_table
+
+    rows = [[bar["name"], bar["shown"], bar["wanted"], bar["met"], bar["where"]] for bar in report["bars"]]
+    print_table("Bars", ["bar", "figure", "limit", "met", "where"], rows)
 
 
 def _print_suite(report: dict[str, Any]) -> None:

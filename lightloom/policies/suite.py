@@ -4,7 +4,7 @@ Cases are computed side by side, and kept: what an interrupted run had done, the
 option has changed since, they are made anew.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
@@ -15,6 +15,7 @@ import numpy as np
 from lightloom.gen.pages.suite_page import markdown_table, suite_page
 from lightloom.golden_model.host.outputs import whole_file
 from lightloom.golden_model.stimuli.layouts.catalogue import LAYOUTS
+from lightloom.policies.bars import bars, geometric_mean, rows_of
 from lightloom.policies.case import Case, run_case
 from lightloom.policies.options import Comparison
 from lightloom.policies.report import TRUE
@@ -43,23 +44,24 @@ def run_suite(
     return [done[case.name] for case in chosen]
 
 
-def write_suite(chosen: list[Case], options: Comparison, folder: Path, jobs: int, command: str) -> dict[str, Any]:
-    """Runs all cases, writes suite.json, suite.md and index.html into `folder`; returns what suite.json holds."""
+def write_suite(
+    chosen: list[Case],
+    options: Comparison,
+    folder: Path,
+    jobs: int,
+    command: str,
+    before: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Runs all cases, writes suite.json, suite.md and index.html into `folder`; returns what suite.json holds.
+
+    `before` is what suite.json of an earlier build holds.
+    """
     with Progress() as progress, progress.stage("Cases", len(chosen)) as advance:
         figures = run_suite(chosen, options, folder, jobs, advance)
-    rows = table(figures)
-    report = {
-        "command": command,
-        "policies": list(options.policies),
-        "means": geometric_means(rows),
-        "rows": rows,
-        "cases": figures,
-        "versions": versions(),
-        "machine": machine(),
-    }
+    report = suite_report(figures, options.policies, command, before)
     texts = {
         "suite.json": json_text(report),
-        "suite.md": "\n".join([*markdown_table(rows), ""]),
+        "suite.md": "\n".join([*markdown_table(report["rows"]), ""]),
         "index.html": suite_page(report),
     }
     for name, text in texts.items():
@@ -69,6 +71,23 @@ def write_suite(chosen: list[Case], options: Comparison, folder: Path, jobs: int
 
 
 # --- what they say together -------------------------------------------------------------------------------------------
+
+
+def suite_report(
+    figures: list[dict[str, Any]], policies: Sequence[str], command: str, before: Mapping[str, Any] | None = None
+) -> dict[str, Any]:
+    """What suite.json holds, of the figures of cases."""
+    rows = table(figures)
+    report = {
+        "command": command,
+        "policies": list(policies),
+        "means": geometric_means(rows),
+        "rows": rows,
+        "cases": figures,
+        "versions": versions(),
+        "machine": machine(),
+    }
+    return report | {"bars": rows_of(bars(report, before))}
 
 
 def table(figures: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -89,7 +108,8 @@ def _row(layout: str, budget: str, group: list[dict[str, Any]]) -> dict[str, Any
     last = [case["policies"][names[-1]] for case in group]
 
     def every(name: str) -> list[Any]:
-        return [each[name] for each in last if each[name] is not None]
+        # What was measured by an earlier build may lack what came later.
+        return [each[name] for each in last if each.get(name) is not None]
 
     return {
         "layout": layout,
@@ -112,4 +132,4 @@ def geometric_means(rows: list[dict[str, Any]]) -> dict[str, float]:
     """Of each policy its error against the first one's, over layouts and budgets."""
     first = next(iter(rows[0]["errors"]))
     ratios = {name: [row["errors"][name] / row["errors"][first] for row in rows] for name in rows[0]["errors"]}
-    return {name: float(np.exp(np.log(each).mean())) for name, each in ratios.items()}
+    return {name: geometric_mean(each) for name, each in ratios.items()}

@@ -41,6 +41,7 @@ def test_cases_are_kept(cli: Run, tmp_path: Path) -> None:
             assert f"{page}/film.webp" in (out / "index.html").read_text()
     assert (out / "suite.md").read_text().count("\n") == 2 + len(BUDGETS)
 
+    assert [bar["name"] for bar in report["bars"] if bar["figure"] is None] != []
     shown = (out / "index.html").read_bytes()
     first = times_of(out)
     other = cli("policies", "--suite", *SMALL, "--reference-every", "1", "--out", str(out), "--json")
@@ -70,6 +71,8 @@ def times_of(suite: Path) -> dict[Path, int]:
         (["--suite", "cornell-box"], "leave scene out"),
         (["--suite", "--budget", "100"], "leave budget out"),
         (["cornell-box", "--layouts", "corridor"], "--layouts: is for --suite"),
+        (["cornell-box", "--bars"], "--bars: is for --suite"),
+        (["--suite", "--before", "nowhere.json"], "--before nowhere.json: cannot be read"),
         (["--suite", "--jobs", "0"], "--jobs 0: must be at least 1"),
         ([], "SCENE is missing"),
     ],
