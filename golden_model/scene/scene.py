@@ -17,6 +17,7 @@ import numpy as np
 
 from lightloom.golden_model.contract.formats import POINT_LIGHT
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.scene.environment import Environment
 from lightloom.golden_model.scene.keyframes import LightPath, ObjectPath, segment
 from lightloom.golden_model.scene.parts import DIFFUSE
 from lightloom.golden_model.scene.ray_offset import spans
@@ -111,6 +112,8 @@ class Scene:
     """Factor by which `emission` differs from that at rest, of each object, (O,) float32; 0 where it is absent."""
     present: np.ndarray
     """(O,) bool. The triangles of an absent object have NaN vertices: no ray and no pixel meets them."""
+    environment: Environment = field(default_factory=Environment)
+    """Where it lies. Nothing is lit by it yet: what renders refuses a scene that has one (`require_light`)."""
     render: RenderDefaults = field(default_factory=RenderDefaults)
     """How it is meant to be rendered."""
     coarse: "Scene | None" = None
@@ -226,7 +229,9 @@ class Scene:
 
 
 def require_light(scene: Scene) -> None:
-    """Raises InputError where nothing in the scene shines in any frame."""
+    """Raises InputError where nothing in the scene shines in any frame, or something that cannot be rendered yet."""
+    if scene.environment:
+        raise InputError(f"{scene.name}: nothing can be lit by a [sky] or [sun] yet; leave them out")
     if not (scene.brightest or scene.brightest_lights):
         raise InputError(
             f"{scene.name}: the scene has no light; give a material emission (MTL: Ke, glTF: emissiveFactor) "

@@ -1,10 +1,6 @@
 """Pictures for people: reading PNG and EXR files, and sheets of captioned pictures."""
 
-import io
-import os
-import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stdout
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +8,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont, UnidentifiedImageError
 
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.scene.files.exr import read_exr
 
 SUFFIXES = (".png", ".exr")
 
@@ -34,7 +31,7 @@ def read_picture(path: Path) -> Picture:
     """Reads a .png (taken as sRGB) or .exr file. Raises InputError for one that is missing, damaged or has no RGB."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    stored = _read_exr(path) if path.suffix.lower() == ".exr" else _read_png(path)
+    stored = read_exr(path) if path.suffix.lower() == ".exr" else _read_png(path)
     colour = np.repeat(stored[..., :1], 3, axis=-1) if stored.shape[-1] < 3 else stored[..., :3]
     if stored.dtype.kind == "f":
         return Picture(stored, colour.astype(np.float64))
@@ -49,39 +46,6 @@ def _read_png(path: Path) -> np.ndarray:
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError) as error:
         raise InputError(f"{path}: not a readable PNG file; write it again") from error
     return array.reshape(*array.shape[:2], -1)
-
-
-def _read_exr(path: Path) -> np.ndarray:
-    import OpenEXR
-
-    try:
-        with quiet_libraries(), OpenEXR.File(str(path), separate_channels=True) as file:
-            channels = {name: channel.pixels for name, channel in file.channels().items()}
-    except (RuntimeError, OSError, ValueError) as error:
-        raise InputError(f"{path}: not a readable EXR file; write it again") from error
-    names = [name for name in ("R", "G", "B", "A", "Y") if name in channels]
-    if not {"R", "G", "B"} <= set(names) and names != ["Y"]:
-        raise InputError(f"{path}: has channels {', '.join(channels)}; a picture needs R, G, B (or Y)")
-    return np.stack([channels[name] for name in names], axis=-1)
-
-
-@contextmanager
-def quiet_libraries() -> Iterator[None]:
-    """Drops what libraries print: of a damaged EXR file many lines, before the exception that says so."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    kept = [(stream, os.dup(stream)) for stream in (1, 2)]
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    try:
-        for stream, _ in kept:
-            os.dup2(nowhere, stream)
-        with redirect_stdout(io.StringIO()):
-            yield
-    finally:
-        for stream, original in kept:
-            os.dup2(original, stream)
-            os.close(original)
-        os.close(nowhere)
 
 
 def srgb_to_linear(x: np.ndarray) -> np.ndarray:

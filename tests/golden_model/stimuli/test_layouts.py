@@ -1,7 +1,6 @@
 """Layouts of the suite: scenes that load, the same for the same seed, and frozen."""
 
 import hashlib
-import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +10,7 @@ from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.scene.lightmap import VALID
+from lightloom.golden_model.scene.scene import require_light
 from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, LAYOUTS, READABLE, SEEDS, write_layout
 from lightloom.golden_model.stimuli.layouts.rooms import vase
 from lightloom.golden_model.tracing.bvh.structure import Structure
@@ -43,13 +43,14 @@ def test_a_layout_loads(name: str, tmp_path: Path) -> None:
     assert LAYOUTS[name].about.endswith(".")
 
 
-def test_what_cannot_be_read_yet_is_refused(tmp_path: Path) -> None:
+def test_what_cannot_be_lit_yet_is_refused(tmp_path: Path) -> None:
     """And is a description all the same."""
     (name,) = set(LAYOUTS) - set(READABLE)
-    path = write_layout(name, 0, tmp_path)
-    assert "sky" in tomllib.loads(path.read_text())
+    scene = load_scene(write_layout(name, 0, tmp_path))
+    assert scene.environment.sky is not None
+    assert scene.environment.sun is not None
     with pytest.raises(InputError, match="sky"):
-        load_scene(path)
+        require_light(scene)
 
 
 def test_a_vase_is_closed() -> None:

@@ -13,6 +13,7 @@ from lightloom.golden_model.scene.assemble import assemble
 from lightloom.golden_model.scene.files.cornell_box import CAMERA, PATH
 from lightloom.golden_model.scene.files.toml.objects import BOX, MESH, QUAD, SPHERE, Objects
 from lightloom.golden_model.scene.files.toml.paths import key_frame, light_path
+from lightloom.golden_model.scene.files.toml.surroundings import environment
 from lightloom.golden_model.scene.files.toml.tables import Table
 from lightloom.golden_model.scene.keyframes import LightPath
 from lightloom.golden_model.scene.pinhole import LARGEST_SIDE
@@ -29,7 +30,7 @@ def load_toml(path: Path) -> Scene:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: not a TOML file ({' '.join(str(error).split())})") from error
-    known = ("name", "texel_size", "render", "camera", "mesh", "quad", "box", "sphere", "point_light")
+    known = ("name", "texel_size", "render", "camera", "mesh", "quad", "box", "sphere", "point_light", "sky", "sun")
     scene = Table(str(path), values, known)
     objects = Objects(path.parent)
     parts = [part for table in scene.tables("mesh", MESH) for part in objects.mesh(table)]
@@ -48,7 +49,7 @@ def load_toml(path: Path) -> Scene:
         light_path=light_paths,
         texel_size=scene.positive("texel_size") if "texel_size" in scene else None,
     )
-    return replace(assembled, render=_render_defaults(scene))
+    return replace(assembled, render=_render_defaults(scene), environment=environment(scene, path.parent))
 
 
 def _render_defaults(scene: Table) -> RenderDefaults:
