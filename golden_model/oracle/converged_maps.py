@@ -24,7 +24,7 @@ from lightloom.golden_model.rays.waves import run_together
 from lightloom.golden_model.scene.light_unit import in_unit, light_exponent
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.lights import lights_of
-from lightloom.golden_model.scene.pose import moved_records, scene_at
+from lightloom.golden_model.scene.pose import moved_records, scene_at, state_of
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.scene.textures import build_textures
 from lightloom.golden_model.tracing.bvh.structure import Structure
@@ -56,8 +56,8 @@ class Reference:
     ):
         """`lightmaps` as for `Renderer`. `rays` for indirect light a texel and frame: a power of two, 8 to 32768.
 
-        Half as many light samples are taken. In a scene in which nothing but the camera moves, one frame serves for
-        all. Raises InputError for another number of rays.
+        Half as many light samples are taken. A frame that differs in nothing but the camera from the one that was asked
+        for before it is served by the same maps. Raises InputError for another number of rays.
         """
         if rays & (rays - 1) or not ROUNDS <= rays <= ROUNDS * 4096:
             raise InputError(f"reference rays {rays}: must be a power of two, {ROUNDS} to {ROUNDS * 4096}")
@@ -71,7 +71,8 @@ class Reference:
         self.fraction = fraction_bits(scene, self.sampling.balanced)
         self.publisher = Publisher(lightmaps)
         self._published = self.publisher.everything(np.zeros(len(lightmaps.texels), dtype=TEXEL_STATE))
-        self._frame: int | None = None
+        self._settled: tuple[bytes, ...] | None = None
+        """What the maps are settled for (`state_of`)."""
         self._state = np.zeros(len(lightmaps.texels), dtype=TEXEL_STATE)
 
     def published(self, frame: int, precise: np.ndarray | None = None) -> np.ndarray:
@@ -80,9 +81,10 @@ class Reference:
         `precise` names the texels that are looked at, (K,): these get all rays, the others `COARSE_RAYS` at most,
         enough for what they send on to many. None: all texels are precise.
         """
-        if self._frame is None or (self.scene.dynamic and frame != self._frame):
+        now = state_of(scene_at(self.scene, frame))
+        if now != self._settled:
             self._settle(frame)
-            self._frame = frame
+            self._settled = now
         wanted = self._valid.copy()
         if precise is not None:
             wanted[:] = False

@@ -33,6 +33,12 @@ def scene_at(scene: Scene, frame: int) -> Scene:
     return rest.frames[frame]
 
 
+def state_of(scene: Scene) -> tuple[bytes, ...]:
+    """All that can change from frame to frame but the camera, as bytes: frames with the same have the same light."""
+    arrays = (scene.rotation, scene.translation, scene.glow, scene.present, scene.point_lights)
+    return tuple(array.tobytes() for array in arrays)
+
+
 def posed(rest: Scene, frame: int) -> Scene:
     """The scene of a frame, made anew from the scene at rest."""
     camera = rest.camera_at(frame)

@@ -26,6 +26,8 @@ from lightloom.sim.toolchain import locked
 
 CASES = "cases"
 """The folder of the cases' folders."""
+REFERENCES = "references"
+"""The folder of converged maps, which both budgets of a layout and seed have in common."""
 FIGURES = (
     *("error", "worst_error", "energy", "flip", "jump", "darkened"),
     *("lag", "lag_turns", "lags", "never_shown", "oldest", "unknown", "least_share", "greatest_share"),
@@ -61,17 +63,17 @@ def run_case(case: Case, options: Comparison, suite: Path) -> dict[str, Any]:
     page = case.folder(options)
     with locked(suite / page):  # parallel runs compute it once
         if not (suite / page).exists():
-            _compute(case, options, suite / page)
+            _compute(case, options, suite / page, suite / REFERENCES)
         report = json.loads((suite / page / "policies.json").read_text(encoding="utf-8"))
     policies = {each["name"]: {name: each["summary"][name] for name in FIGURES} for each in report["policies"]}
     return {**asdict(case), "rays": BUDGETS[case.budget], "valid": report["valid"], "policies": policies, "page": page}
 
 
-def _compute(case: Case, options: Comparison, place: Path) -> None:
+def _compute(case: Case, options: Comparison, place: Path, references: Path) -> None:
     with whole_folder(place) as folder:
         file = write_layout(case.layout, case.seed, folder)
         scene = load_scene(file)
         own = {"scene": str(place / file.name), "budget": BUDGETS[case.budget], "seed": case.seed}
         comparison = Comparison(**asdict(options) | own)
         lightmaps = unwrap(scene, trace=Structure(scene, options.backend).trace, cache=default_cache())
-        write_comparison(scene, lightmaps, comparison, folder, Progress(quiet=True))
+        write_comparison(scene, lightmaps, comparison, folder, Progress(quiet=True), references)

@@ -28,13 +28,19 @@ TIMELINE_FRAMES = 4
 
 
 def compare(
-    scene: Scene, lightmaps: Lightmaps, options: Comparison, folder: Path, progress: Progress
+    scene: Scene,
+    lightmaps: Lightmaps,
+    options: Comparison,
+    folder: Path,
+    progress: Progress,
+    references: Path | None = None,
 ) -> dict[str, Any]:
     """Renders all frames under all policies, writes the pictures into `folder` and returns the report, ready for JSON.
 
     Frame by frame: each policy's, then the reference's, once for all. What is held is the state of the renderers and
-    the film. In `folder`: film.webp, timeline.svg, and for each key frame NNNN frames/NNNN/reference.png, POLICY.png
-    and POLICY-error.png, and of the last policy maps/NNNN/QUANTITY.png and QUANTITY-maps.png.
+    the film. Converged maps are kept in the folder `references`, if it is given. In `folder`: film.webp, timeline.svg,
+    and for each key frame NNNN frames/NNNN/reference.png, POLICY.png and POLICY-error.png, and of the last policy
+    maps/NNNN/QUANTITY.png and QUANTITY-maps.png.
     """
     rest = resting_frame(scene, options.frames) if options.true_samples else None
     with progress.stage("First light", len(options.policies)) as advance:
@@ -42,7 +48,7 @@ def compare(
         for name in options.policies:
             renderers[name] = _renderer(scene, lightmaps, options, POLICIES[name])
             advance(1)
-    judge = Judge(scene, lightmaps, options, folder)
+    judge = Judge(scene, lightmaps, options, folder, references)
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in options.policies}
     counts: dict[str, list[FrameCounts]] = {name: [] for name in options.policies}
     still, changes = still_frames(scene, options.frames), steps(scene, options.frames)
@@ -131,10 +137,15 @@ def _renderer(scene: Scene, lightmaps: Lightmaps, options: Comparison, policy: P
 
 
 def write_comparison(
-    scene: Scene, lightmaps: Lightmaps, options: Comparison, folder: Path, progress: Progress
+    scene: Scene,
+    lightmaps: Lightmaps,
+    options: Comparison,
+    folder: Path,
+    progress: Progress,
+    references: Path | None = None,
 ) -> dict[str, Any]:
     """What `compare` writes, policies.json and index.html, into `folder`; returns what policies.json holds."""
-    report = compare(scene, lightmaps, options, folder, progress)
+    report = compare(scene, lightmaps, options, folder, progress, references)
     report |= {"versions": versions(), "machine": machine(), "seconds": dict(progress.seconds)}
     with progress.stage("Page"):
         page = policies_page(report, folder)

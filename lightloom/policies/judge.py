@@ -21,6 +21,7 @@ from lightloom.golden_model.renderer import FrameResult, Renderer
 from lightloom.golden_model.scene.lightmap import Lightmaps, bilinear_taps
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.policies.options import Comparison
+from lightloom.policies.references import KeptReference
 from lightloom.policies.steps import Seen
 from lightloom.render.policy_pictures import QUANTITIES, error_colours, luminance, relative_error, write_quantity
 from lightloom.shared.difference import relative_mse
@@ -94,8 +95,12 @@ def visible_texels(lightmaps: Lightmaps, gbuffer: np.ndarray) -> np.ndarray:
 class Judge:
     """Compares frames with the reference of the same frame, and writes the pictures of it."""
 
-    def __init__(self, scene: Scene, lightmaps: Lightmaps, options: Comparison, folder: Path):
+    def __init__(
+        self, scene: Scene, lightmaps: Lightmaps, options: Comparison, folder: Path, references: Path | None = None
+    ):
+        """Pictures go into `folder`; converged maps are kept in `references`, if that is given."""
         self.scene, self.lightmaps, self.options, self.folder = scene, lightmaps, options, folder
+        self.references = references
         self.reference = self._reference(options.reference_rays, 0)
         self.exposure = options.exposure
         self.noise: float | None = None
@@ -107,9 +112,9 @@ class Judge:
         self._film_frames = {compared[round(place)] for place in places}
         self._film: list[np.ndarray] = []
 
-    def _reference(self, rays: int, number: int) -> Reference:
+    def _reference(self, rays: int, number: int) -> Reference | KeptReference:
         options = self.options
-        return Reference(
+        made = Reference(
             self.scene,
             self.lightmaps,
             rays=rays,
@@ -117,6 +122,7 @@ class Judge:
             backend=options.backend,
             threads=options.threads,
         )
+        return made if self.references is None else KeptReference(made, self.references)
 
     def look(
         self,

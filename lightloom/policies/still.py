@@ -3,7 +3,7 @@
 import numpy as np
 
 from lightloom.golden_model.pictures.images import tonemap
-from lightloom.golden_model.scene.pose import scene_at
+from lightloom.golden_model.scene.pose import scene_at, state_of
 from lightloom.golden_model.scene.scene import Scene
 
 STEP = 8
@@ -18,9 +18,8 @@ def still_frames(scene: Scene, frames: int) -> set[int]:
 
 def _shown(scene: Scene, number: int) -> tuple[bytes, ...]:
     """All that can change from frame to frame, as bytes."""
-    now, camera = scene_at(scene, number), scene.camera_at(number)
-    arrays = (now.rotation, now.translation, now.glow, now.present, now.point_lights, camera.position, camera.target)
-    return tuple(array.tobytes() for array in arrays)
+    camera = scene.camera_at(number)
+    return *state_of(scene_at(scene, number)), camera.position.tobytes(), camera.target.tobytes()
 
 
 def jump(before: np.ndarray, after: np.ndarray, exposure: float) -> float:
