@@ -13,6 +13,7 @@ from lightloom.golden_model.machine.schedule import schedule
 from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
 from lightloom.golden_model.renderer import FrameResult, Renderer
 from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.scene.pose import scene_at
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.policies.judge import Judge, straight_light, visible_texels
 from lightloom.policies.options import Comparison
@@ -76,7 +77,7 @@ def compare(
                 rows[name].append(row)
                 before[name] = result.image
                 counts[name].append(result.counts)
-    true = {} if rest is None else _true(results, renderers, rest, options, progress)
+    true = {} if rest is None else _true(scene, results, renderers, rest, options, progress)
     with progress.stage("Film and timelines"):
         judge.write_film()
         # Frames follow each other as fast as they are done, so that their times tell what they cost.
@@ -102,6 +103,7 @@ def compare(
 
 
 def _true(
+    scene: Scene,
     results: Mapping[str, FrameResult],
     renderers: Mapping[str, Renderer],
     rest: int,
@@ -115,7 +117,8 @@ def _true(
             last = {name: renderer.frame() for name, renderer in renderers.items()}
             advance(1)
     with progress.stage("Path-traced picture") as advance:
-        pictures = true_pictures(last[options.full], options.true_samples, options.backend, advance)
+        gbuffer = last[options.full].gbuffer
+        pictures = true_pictures(scene_at(scene, rest), gbuffer, options.true_samples, options.backend, advance)
     for name, result in last.items():
         found[name] = true_figures(result.image, straight_light(renderers[name], result), pictures)
     return found

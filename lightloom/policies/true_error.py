@@ -24,7 +24,6 @@ from lightloom.golden_model.host.fingerprint import fingerprint
 from lightloom.golden_model.host.outputs import whole_file
 from lightloom.golden_model.oracle import true_picture as oracle
 from lightloom.golden_model.oracle.true_picture import require_path_traced, true_picture
-from lightloom.golden_model.renderer import FrameResult
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.bvh.structure import Structure
 from lightloom.policies.judge import counted_pixels
@@ -58,26 +57,28 @@ def resting_frame(scene: Scene, frames: int) -> int:
 
 
 def true_pictures(
-    result: FrameResult, samples: int, backend: str, advance: Advance, cache: Path | None = None
+    scene: Scene, gbuffer: np.ndarray, samples: int, backend: str, advance: Advance, cache: Path | None = None
 ) -> np.ndarray:
     """Two path-traced pictures of a frame, `samples` / 2 paths a pixel each, (2, H, W, 3) float32; made or kept.
+
+    Of the frame's scene (`scene_at`), in the file's own units of light, and its GBUFFER (H, W).
 
     They are kept in `cache`, or where charts are kept. `advance` is told of parts of the whole, 1.
     """
     cache = cache or default_cache()
     if cache is None:
-        return _made(result, samples, backend, advance)
-    file = cache / "true" / f"{_key(result, samples)}.npy"
+        return _made(scene, gbuffer, samples, backend, advance)
+    file = cache / "true" / f"{_key(scene, gbuffer, samples)}.npy"
     with locked(file):  # parallel cases make it once
         if not file.exists():
-            made = _made(result, samples, backend, advance)
+            made = _made(scene, gbuffer, samples, backend, advance)
             with whole_file(file) as part, part.open("wb") as opened:
                 np.save(opened, made)
         return np.asarray(np.load(file))
 
 
-def _made(result: FrameResult, samples: int, backend: str, advance: Advance) -> np.ndarray:
-    trace = Structure(result.scene, backend).trace
+def _made(scene: Scene, gbuffer: np.ndarray, samples: int, backend: str, advance: Advance) -> np.ndarray:
+    trace = Structure(scene, backend).trace
     pictures = []
     for seed in SEEDS:
         told = 0.0
@@ -89,16 +90,15 @@ def _made(result: FrameResult, samples: int, backend: str, advance: Advance) -> 
             told = now
 
         half = samples // len(SEEDS)
-        pictures.append(true_picture(result.scene, result.gbuffer, trace, half, seed, tell))
+        pictures.append(true_picture(scene, gbuffer, trace, half, seed, tell))
     return np.stack(pictures)
 
 
-def _key(result: FrameResult, samples: int) -> str:
+def _key(scene: Scene, gbuffer: np.ndarray, samples: int) -> str:
     """A name for the light of a frame, what its pixels see of it, the number of paths and the program."""
-    scene, pixels = result.scene, result.gbuffer
     digest = hashlib.sha256()
     arrays = (scene.triangles, scene.normals, scene.material, scene.albedo, scene.emission, scene.point_lights)
-    for array in (*arrays, *(pixels[name] for name in ("primitive", "u", "v", "front"))):
+    for array in (*arrays, *(gbuffer[name] for name in ("primitive", "u", "v", "front"))):
         digest.update(f"{array.shape} {array.dtype}\n".encode() + np.ascontiguousarray(array).tobytes())
     return key_of(fingerprint(oracle.__name__), str(SEEDS), str(samples), digest.hexdigest())
 

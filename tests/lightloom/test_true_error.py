@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.host.errors import InputError
-from lightloom.golden_model.renderer import FrameResult, Renderer
+from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.scene.pose import scene_at
+from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.stimuli.layouts.catalogue import write_layout
 from lightloom.policies.true_error import STILL, resting_frame, true_figures, true_pictures
 
@@ -57,30 +59,32 @@ def test_a_picture_is_made_once(tmp_path: Path) -> None:
     room.write_text(ROOM + LAMP)
     scene = load_scene(room)
 
-    def frame(budget: int) -> FrameResult:
-        return Renderer(scene, width=12, height=8, budget=budget, backend="numpy").frame()
+    def made(scene: Scene, samples: int) -> np.ndarray:
+        gbuffer = Renderer(scene, width=12, height=8, budget=500, backend="numpy").frame().gbuffer
+        return true_pictures(scene_at(scene, 0), gbuffer, samples, "numpy", told.append, tmp_path / "kept")
 
     told: list[float] = []
-    first = true_pictures(frame(500), 4, "numpy", told.append, tmp_path / "kept")
+    first = made(scene, 4)
     assert first.shape == (2, 8, 12, 3)
     assert (first[0] != first[1]).any(), "two seeds"
     assert sum(told) == pytest.approx(1)
     (file,) = (tmp_path / "kept" / "true").glob("*.npy")
     written = file.stat().st_mtime_ns
-    np.testing.assert_array_equal(true_pictures(frame(900), 4, "numpy", told.append, tmp_path / "kept"), first)
-    assert sum(told) == pytest.approx(1), "whatever the budget"
+    np.testing.assert_array_equal(made(scene, 4), first)
+    assert sum(told) == pytest.approx(1)
     assert file.stat().st_mtime_ns == written
-    true_pictures(frame(500), 8, "numpy", told.append, tmp_path / "kept")
+    made(scene, 8)
     room.write_text(room.read_text().replace("emission = [", "emission = [1", 1))
-    scene = load_scene(room)
-    true_pictures(frame(500), 4, "numpy", told.append, tmp_path / "kept")
+    made(load_scene(room), 4)
     assert len(list((tmp_path / "kept" / "true").glob("*.npy"))) == 3
 
 
-def test_the_command(cli: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("emission", ["[5, 5, 5]", "[5e6, 5e6, 5e6]"])
+def test_the_command(cli: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, emission: str) -> None:
+    """Whatever the unit in which the frame loop holds light."""
     monkeypatch.setenv("LIGHTLOOM_CACHE", str(tmp_path / "kept"))
     room = tmp_path / "room.toml"
-    room.write_text(ROOM + LAMP)
+    room.write_text(ROOM + LAMP.replace("[5, 5, 5]", emission))
     small = ["--frames", 2, "--size", "24x16", "--budget", 900, "--reference-rays", 8, "--backend", "numpy"]
     command = ["policies", room, "--policies", "visibility", *small, "--true", "--true-samples"]
     outcome = cli(*command, 64, "--out", tmp_path / "out", "--json")
