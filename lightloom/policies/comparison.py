@@ -9,7 +9,7 @@ import numpy as np
 from lightloom.gen.pages.policies_page import policies_page
 from lightloom.gen.pages.timeline import timeline
 from lightloom.golden_model.machine.cost_model import FrameCounts, Machine
-from lightloom.golden_model.machine.schedule import schedule
+from lightloom.golden_model.machine.schedule import Schedule, schedule
 from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
 from lightloom.golden_model.renderer import FrameResult, Renderer
 from lightloom.golden_model.scene.lightmap import Lightmaps
@@ -54,8 +54,7 @@ def compare(
     counts: dict[str, list[FrameCounts]] = {name: [] for name in options.policies}
     still, changes = still_frames(scene, options.frames), steps(scene, options.frames)
     lags = [Lag(step) for step in changes if step.followed]
-    looked = {*options.compared, *(lag.step.begin - 1 for lag in lags)}
-    looked |= {frame for step in changes for frame in range(step.begin, step.first + 1)}
+    looked = {*options.compared, *(frame for step in changes for frame in step.edges)}
     before: dict[str, np.ndarray] = {}
     with progress.stage("Frames and references", options.frames * len(renderers) + len(looked)) as advance:
         for number in range(options.frames):
@@ -83,13 +82,9 @@ def compare(
         # Frames follow each other as fast as they are done, so that their times tell what they cost.
         free = Machine(refresh_cycles=0, versions=renderers[options.full].pipeline.versions)
         plans = {name: schedule(free, each) for name, each in counts.items()}
-        first = options.shown[0]
-        last = min(first + TIMELINE_FRAMES, options.frames) - 1
-        times = plans[options.full].frames
-        drawn = timeline(plans[options.full], times[first].begin, times[last].shown)
-        (folder / "timeline.svg").write_text(drawn, encoding="utf-8")
+        drawn = _write_timeline(plans[options.full], options, folder)
     return comparison_report(scene, lightmaps, options, renderers, rows, plans, lags, true) | {
-        "timeline_frames": [first, last],
+        "timeline_frames": drawn,
         "exposure": judge.exposure,
         "reference": {
             "rays": options.reference_rays,
@@ -100,6 +95,15 @@ def compare(
             "true_frame": rest,
         },
     }
+
+
+def _write_timeline(plan: Schedule, options: Comparison, folder: Path) -> list[int]:
+    """Writes timeline.svg, of the first key frame and those after it; the first and the last frame in it."""
+    first = options.shown[0]
+    last = min(first + TIMELINE_FRAMES, options.frames) - 1
+    drawn = timeline(plan, plan.frames[first].begin, plan.frames[last].shown)
+    (folder / "timeline.svg").write_text(drawn, encoding="utf-8")
+    return [first, last]
 
 
 def _true(

@@ -1,8 +1,7 @@
 """What becomes different all at once, and how long it takes until that is shown: lag.
 
 A step is a change that is over in `STEP_FRAMES` frames, after which the scene stands still for at least a frame: a lamp
-is switched, the camera cuts, an object appears. Lag is measured of steps of lights and of cuts, after which all that a
-picture shows comes from the maps. Frames are those that show the change at the earliest.
+is switched, the camera cuts, an object appears. Lag is measured of steps of lights and of cuts.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,6 +36,11 @@ class Step:
     """The last frame before something changes again, or before the sequence ends."""
     followed: bool
     """Whether a light or the camera changed."""
+
+    @property
+    def edges(self) -> range:
+        """The frames of which the reference has to be known: the last one before, and those of the change."""
+        return range(self.begin - 1, self.first + 1)
 
 
 def steps(scene: Scene, frames: int) -> list[Step]:

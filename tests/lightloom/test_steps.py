@@ -64,6 +64,10 @@ def test_lag(levels: list[float], frames: int, shown: bool) -> None:
     assert found == {"frame": 3, "frames": frames, "turns": frames / 2, "shown": shown}
 
 
+def test_edges_are_what_lag_needs() -> None:
+    assert list(STEP.edges) == [2, 3, 4]
+
+
 def test_small_changes_have_no_lag() -> None:
     assert followed([1.0] * 6, 1.0, 1.05).of("a", 1) is None
     assert followed([1.0] * 6, 1.0, 1.2).of("a", 1) is not None
