@@ -45,8 +45,8 @@ def pictures(scene: Scene, frames: int = 2) -> np.ndarray:
 def test_energy_is_that_of_the_usual_scene(radiance: float) -> None:
     usual, found = pictures(shining(BRIGHTEST)), pictures(shining(radiance))
     assert found.sum() / usual.sum() == pytest.approx(radiance / BRIGHTEST, rel=0.01)
-    lit = usual > np.median(usual) / 4
-    assert found[lit] == pytest.approx(usual[lit] * (radiance / BRIGHTEST), rel=0.02)
+    # Smoothing knows noise and differences in half octaves: what it takes of which neighbour differs a little.
+    assert np.abs(found * (BRIGHTEST / radiance) - usual).sum() < 0.01 * usual.sum()
 
 
 @pytest.mark.parametrize("intensity", [1e-9, 1e3, 1e12])
