@@ -211,7 +211,7 @@ def test_shading_normals_are_smooth_below_the_crease_and_sharp_above() -> None:
 def test_the_documented_motion_loads(tmp_path: Path) -> None:
     text = (SCENES.parent / "docs" / "scenes.md").read_text(encoding="utf-8")
     path = tmp_path / "motion.toml"
-    path.write_text(re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)[1], encoding="utf-8")
+    path.write_text(re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)[-1], encoding="utf-8")
     scene = load_scene(path)
     assert scene.dynamic
     assert scene.last_frame == 120, "that of the camera"
@@ -237,7 +237,7 @@ def test_committed_scenes_load(path: Path) -> None:
 def test_the_documented_scene_loads(tmp_path: Path) -> None:
     text = (SCENES.parent / "docs" / "scenes.md").read_text(encoding="utf-8")
     example = re.findall(r"```toml\n(.*?)```", text, flags=re.DOTALL)
-    assert len(example) == 2
+    assert len(example) == 3, "a scene, its sky and sun, its motion"
     path = tmp_path / "example.toml"
     path.write_text(example[0], encoding="utf-8")
     scene = load_scene(path)

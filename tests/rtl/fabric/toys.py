@@ -3,6 +3,7 @@
 """Cores of small whole numbers, and an interpreter of the graphs that `rtl.fabric.dataflow` draws."""
 
 import random
+import re
 from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
@@ -38,7 +39,12 @@ class Toy(Core):
     @classmethod
     def unit_of(cls) -> Unit:
         """The unit that it is."""
-        return Unit(name=cls.__name__, summary="", input=record(*cls.operands), output=record("z"))
+        return Unit(
+            name=re.sub(r"(?<!^)(?=[A-Z])", "_", cls.__name__).lower(),
+            summary="",
+            input=record(*cls.operands),
+            output=record("z"),
+        )
 
     def elaborate(self, platform: object) -> Module:
         m = Module()
