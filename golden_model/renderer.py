@@ -25,7 +25,7 @@ from lightloom.golden_model.maintenance.maintainer import Maintainer, Maintenanc
 from lightloom.golden_model.maintenance.publishing.flip_chain import FlipChain
 from lightloom.golden_model.maintenance.publishing.publisher import Publisher
 from lightloom.golden_model.maintenance.publishing.smoothing import Smoother
-from lightloom.golden_model.maintenance.sampling.accumulate import at_rest, fraction_bits, light_of, settled
+from lightloom.golden_model.maintenance.sampling.accumulate import at_rest, dark, fraction_bits, light_of, settled
 from lightloom.golden_model.maintenance.sampling.gather import World
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.selection.policy import Policy
@@ -173,6 +173,8 @@ class Renderer:
         """Number of the frame that `frame` renders next."""
         self.priming_rays = 0
         """Rays traced before the first frame."""
+        self.priming_clipped = 0
+        """What was too bright for the formats then, as `Maintenance.clipped`."""
         self.chain = self._prime(first)
 
     @property
@@ -198,19 +200,20 @@ class Renderer:
         published = self.publisher.everything(self.state)
         totals: list[int] = []
         sweeps: list[int] = []
-        valid = self.maintainer.selector.order
+        valid = self.maintainer.present(self._world(scene, published))
         first = 0
         for _ in range(self.sampling.priming):
             world = self._world(scene, published)
             collector, clock = self._collector(scene), Stopwatch()
             prime = self.maintainer.prime(world, first, self.budget, collector, clock)
-            ((texels, rays),) = run_together(collector, clock, prime)
+            (primed,) = run_together(collector, clock, prime)
             published = self.publisher.everything(self.state)
-            self.priming_rays += sum(rays.values())
-            totals.append(light_of(self.state["irradiance"][texels], self.fraction))
-            if first == 0 and not settled(totals):
+            self.priming_rays += primed.rays
+            self.priming_clipped += primed.clipped
+            totals.append(light_of(self.state["irradiance"][primed.texels], self.fraction))
+            if first == 0 and not (settled(totals) or dark(totals)):
                 continue
-            first += len(texels)
+            first += len(primed.texels)
             if first // max(len(valid), 1) > len(sweeps):
                 sweeps.append(light_of(self.state["irradiance"][valid], self.fraction))
                 if at_rest(sweeps):

@@ -17,7 +17,7 @@ from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.maintenance.selection.selector import FrameContext, Plan, Selector
 from lightloom.golden_model.rays.collector import Collector
 from lightloom.golden_model.rays.waves import Waves
-from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.scene import Scene
 
 
@@ -38,6 +38,18 @@ class Maintenance:
     """Why these texels."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Primed:
+    """What one round before the first frame did."""
+
+    texels: np.ndarray
+    """Numbers of the texels sampled, (M,) int64."""
+    rays: int
+    """Rays traced."""
+    clipped: int
+    """As `Maintenance.clipped`."""
+
+
 class Maintainer:
     """The maintained texels of a scene's lightmaps and the policy that chooses among them."""
 
@@ -52,28 +64,32 @@ class Maintainer:
         self._departures = np.zeros((2, self._maps), dtype=np.int8)
         """To which side the samples of each map departed from their averages, in the last two frames."""
 
-    def prime(
-        self, world: World, first: int, budget: int, collector: Collector, clock: Stopwatch
-    ) -> Waves[tuple[np.ndarray, dict[str, int]]]:
+    def prime(self, world: World, first: int, budget: int, collector: Collector, clock: Stopwatch) -> Waves[Primed]:
         """One round before the first frame: the texels from place `first` of the order on, as many as a frame pays for.
 
-        After the last comes the first again, so `first` may be any number. They are sampled anew: what earlier rounds
-        found of them is dropped. Rounds from place 0 on all take the same rays, so that their light can be compared.
-        Returns the texels and the rays traced by kind.
+        Of those that are there in `world`; after the last comes the first again, so `first` may be any number. They are
+        sampled anew: what earlier rounds found of them is dropped. Rounds from place 0 on all take the same rays, so
+        that their light can be compared.
         """
         if first == 0:
             self.state["number"] = 0
-        order = self.selector.order
+        order = self.present(world)
         waiting = np.roll(order, -(first % max(len(order), 1)))[: budget // self.sampling.directions]
         rays: Counter[str] = Counter()
-        updated = 0
+        updated = clipped = 0
         while count := self._admitted(world, budget - rays.total(), len(waiting) - updated):
             texel = waiting[updated : updated + count]
             drop(self.state, texel)
             gathered = yield from self._update(world, texel, 0, collector, clock)
             rays.update(gathered.rays)
+            clipped += self._clipped(gathered, texel)
             updated += count
-        return waiting[:updated], dict(rays)
+        return Primed(texels=waiting[:updated], rays=rays.total(), clipped=clipped)
+
+    def present(self, world: World) -> np.ndarray:
+        """The texels that are valid in a frame, (V,) int64, in the order of their turns."""
+        order = self.selector.order
+        return order[world.lightmaps.texels["state"][order] == VALID]
 
     def run(
         self, world: World, context: FrameContext, budget: int, collector: Collector, clock: Stopwatch
@@ -105,7 +121,7 @@ class Maintainer:
             gathered = yield from self._update(world, texel, context.frame, collector, clock)
             samples.append((texel[known], before[known], gathered.irradiance[known]))
             rays.update(gathered.rays)
-            clipped += gathered.clipped + int((self.state["irradiance"][texel] > LARGEST_HALF).any(axis=1).sum())
+            clipped += self._clipped(gathered, texel)
             updated += count
         if self.policy.drift:
             with clock("blend"):
@@ -120,6 +136,10 @@ class Maintainer:
         all before it and its own reserve are within the budget, and no other: texels need not go one by one for that.
         """
         return min(rays // self.sampling.reserve(world.scene.specular), waiting)
+
+    def _clipped(self, gathered: Gathered, texel: np.ndarray) -> int:
+        """Samples of rays, and averages of texels (M,) just blended, that were brighter than the formats hold."""
+        return gathered.clipped + int((self.state["irradiance"][texel] > LARGEST_HALF).any(axis=1).sum())
 
     def _drifting_maps(self) -> np.ndarray:
         """Whether each map departed to the same side in the last two frames, (O,) bool."""

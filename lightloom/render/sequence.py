@@ -113,7 +113,7 @@ def render_sequence(
     plan = schedule(renderer.machine, counts)
     (folder / "timeline.svg").write_text(timeline(plan, *_last_frames(plan)), encoding="utf-8")
     assert exposure is not None
-    if clipped := sum(row["clipped"] for row in rows):
+    if clipped := renderer.priming_clipped + sum(row["clipped"] for row in rows):
         warn(f"{clipped} samples and texels were brighter than the lightmaps hold, so the picture is too dark there")
     return {
         "scene": renderer.scene.name,

@@ -80,6 +80,10 @@ class Event:
     level: Callable[[Any], Value]
 
 
+TAKEN = frozenset({"i", "o", "clk", "rst", "m_axi", "s_axi", "unit", "ports", "tag_width"})
+"""What no port of a unit may be called: what every unit has, beside the members of `UnitComponent`."""
+
+
 class UnitComponent(wiring.Component):
     """The hardware of a unit.
 
@@ -109,6 +113,8 @@ class UnitComponent(wiring.Component):
         """Raises ValueError for names of ports that cannot be used."""
         for name in ports:
             check_name(f"unit {unit.name}: port", name, OF_PORTS)
+            if name in TAKEN or hasattr(UnitComponent, name):
+                raise ValueError(f"unit {unit.name}: port {name}: every unit has something of this name already")
         self.unit = unit
         self.tag_width = tag_width
         self.ports = ports

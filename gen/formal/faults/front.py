@@ -26,7 +26,12 @@ FAULTS = (
         "an abort is over when none has been",
     ),
     _fault(
-        FRONT, _bench("events"), "front-event-once", "before.eq(level)", "before.eq(before | level)", "the last one"
+        FRONT,
+        _bench("events"),
+        "front-event-once",
+        "before.eq(level)",
+        "before.eq(before | level)",
+        "an event happens only the first time",
     ),
     _fault(
         FRONT,

@@ -5,10 +5,11 @@ a chart, with neighbours one and two texels away, take from each neighbour a par
 
     out = I_p + sum of w_pq (I_q - I_p)
 
-Weights are large where the two differ by no more than their noise explains, and small at edges of light. They are the
-same in both directions but for the better known texel being moved less, so light goes from texel to texel and none is
-made or lost: normalised weights lose the light of outliers (Dammertz et al. 2010, "Edge-avoiding à-trous wavelet
-transform", with the variance-guided stops of Schied et al. 2017, SVGF, are the models of this).
+Weights are large where the two differ by no more than their noise explains, and small at edges of light. Among texels
+that are known equally well they are the same in both directions, so light goes from one to the other and none is made
+or lost; of two that are not, the better known one is moved less. Normalised weights lose the light of outliers
+(Dammertz et al. 2010, "Edge-avoiding à-trous wavelet transform", with the variance-guided stops of Schied et al. 2017,
+SVGF, are the models of this).
 
 Everything is whole numbers, for hardware: noise and differences are logarithms in half octaves, a weight is read from a
 table of eight entries, and the sums are exact and rounded to binary16 once a pass.
@@ -23,7 +24,7 @@ from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 
 STEPS = (1, 2)
 """Distance of the neighbours in each pass."""
-REACH = sum(STEPS) + 2
+REACH = sum(STEPS) + 1
 """Texels at most from one that decide on what it becomes: the first pass looks at means of 3 x 3 around both ends."""
 WEIGHTS = (8, 8, 7, 6, 4, 2, 0)
 """Eighths, for a difference in half octaves above the noise: up to LEAST_DIFFERENCE, then one more each."""
@@ -60,9 +61,11 @@ class Smoother:
             linked &= (normal * normal[beside]).sum(axis=1) > ALIKE
             return np.where(linked, beside, number)
 
-        self.beside = {
-            step: np.stack([other(step * dy, step * dx) for dy, dx in _NEIGHBOURS], axis=1) for step in STEPS
-        }
+        one = np.stack([other(dy, dx) for dy, dx in _NEIGHBOURS], axis=1)
+        two = np.stack([one[one[:, k], k] for k in range(len(_NEIGHBOURS))], axis=1)
+        # The texel between belongs to both: nothing goes over what stands there.
+        reached = (one != number[:, None]) & (two != one)
+        self.beside = {1: one, 2: np.where(reached, two, number[:, None])}
         """By distance, the neighbours of each texel, (N, 8) int64: itself where there is none."""
 
     def around(self, texel: np.ndarray, step: int) -> np.ndarray:

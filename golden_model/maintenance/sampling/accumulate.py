@@ -87,6 +87,11 @@ def settled(totals: list[int]) -> bool:
     return last <= 0 or (last < before and (last * last << SETTLED_BITS) < totals[-1] * (before - last))
 
 
+def dark(totals: list[int]) -> bool:
+    """Whether no light has come in three rounds: there is none where they look, and none will come from there."""
+    return len(totals) >= 3 and not totals[-1]
+
+
 def at_rest(sweeps: list[int]) -> bool:
     """Whether the light of all texels, after each time that all were sampled anew, changed little the last time.
 

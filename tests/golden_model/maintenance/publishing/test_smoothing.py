@@ -8,7 +8,7 @@ import pytest
 from lightloom.golden_model.contract.formats import TEXEL_STATE
 from lightloom.golden_model.maintenance.publishing.publisher import Publisher, apply
 from lightloom.golden_model.maintenance.publishing.smoothing import REACH, Smoother, logarithm
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
+from lightloom.golden_model.scene.lightmap import BURIED, VALID, Lightmaps
 from tests.exact import encode
 from tests.golden_model.maintenance.publishing.test_publisher import maps_of, ragged_maps
 
@@ -70,10 +70,14 @@ class Twin:
         return q if valid and alike else None
 
     def around(self, p: int, step: int) -> list[tuple[int, int]]:
-        """Neighbours and their sixteenths."""
-        places = [(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dy or dx]
-        found = [(self.beside(p, step * dy, step * dx), 4 >> (abs(dy) + abs(dx))) for dy, dx in places]
-        return [(p if q is None else q, share) for q, share in found]
+        """Neighbours and their sixteenths; those two away by way of the one between."""
+        found = []
+        for dy, dx in ((dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dy or dx):
+            q: int | None = p
+            for _ in range(step):
+                q = None if q is None else self.beside(q, dy, dx)
+            found.append((p if q is None else q, 4 >> (abs(dy) + abs(dx))))
+        return found
 
     def mean(self, what: list[int], p: int) -> int:
         return (4 * what[p] + sum(share * what[q] for q, share in self.around(p, 1))) // 16
@@ -157,6 +161,28 @@ def test_no_light_is_made_or_lost() -> None:
         maps, state, value = flat(96, 6, relative)
         found = Smoother(maps).smoothed(value, state, np.arange(len(state)))
         assert found.astype(np.float64).mean() == pytest.approx(value.astype(np.float64).mean(), rel=1e-4)
+
+
+def test_little_light_is_lost_where_some_are_known_better() -> None:
+    """What is known better moves less: then the light of outliers that are known badly gives way, a little."""
+    maps, state, value = flat(96, 6, 0.5)
+    for counts, lost in (((1, 2, 3, 5, 8, 12, 20), 2e-3), ((1, 255), 1e-2)):
+        state["count"] = np.random.default_rng(1).choice(counts, len(state))
+        state["deviation"] = 102
+        found = Smoother(maps).smoothed(value, state, np.arange(len(state)))
+        assert found.astype(np.float64).mean() == pytest.approx(value.astype(np.float64).mean(), rel=lost), counts
+
+
+def test_nothing_goes_over_a_wall_that_stands_on_a_floor() -> None:
+    """A column of buried texels one wide, of the same chart as the floor on both sides."""
+    maps, state, value = flat(16, 10, 1.0)
+    column = np.arange(256) % 16
+    maps.texels["state"][column == 8] = BURIED
+    bright = value.copy()
+    bright[column > 8] *= np.float32(1.5)
+    left = np.flatnonzero(column < 8)
+    one, two = (Smoother(maps).smoothed(v, state, left) for v in (value, bright.astype(np.float16).astype(np.float32)))
+    assert (one == two).all()
 
 
 def test_noise_goes_and_edges_stay() -> None:
