@@ -1,7 +1,9 @@
 """Lightmap maintenance: texels are chosen, sampled by rays, and blended ([0042], [0058], FIG. 7, claims 1 to 8)."""
 
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -50,6 +52,18 @@ class Primed:
     """As `Maintenance.clipped`."""
 
 
+@dataclass(kw_only=True)
+class _Spent:
+    """What a budget of rays was spent on."""
+
+    updated: int = 0
+    """Texels, the first ones of those that waited."""
+    rays: Counter[str] = field(default_factory=Counter)
+    clipped: int = 0
+    samples: list[tuple[np.ndarray, np.ndarray, np.ndarray]]
+    """In parts, the texels that had an average, (M,), these averages and their samples, (M, 3)."""
+
+
 class Maintainer:
     """The maintained texels of a scene's lightmaps and the policy that chooses among them."""
 
@@ -75,16 +89,9 @@ class Maintainer:
             self.state["number"] = 0
         order = self.present(world)
         waiting = np.roll(order, -(first % max(len(order), 1)))[: budget // self.sampling.directions]
-        rays: Counter[str] = Counter()
-        updated = clipped = 0
-        while count := self._admitted(world, budget - rays.total(), len(waiting) - updated):
-            texel = waiting[updated : updated + count]
-            drop(self.state, texel)
-            gathered = yield from self._update(world, texel, 0, collector, clock)
-            rays.update(gathered.rays)
-            clipped += self._clipped(gathered, texel)
-            updated += count
-        return Primed(texels=waiting[:updated], rays=rays.total(), clipped=clipped)
+        forget = partial(drop, self.state)
+        spent = yield from self._spend(world, waiting, budget, 0, collector, clock, forget)
+        return Primed(texels=waiting[: spent.updated], rays=spent.rays.total(), clipped=spent.clipped)
 
     def present(self, world: World) -> np.ndarray:
         """The texels that are valid in a frame, (V,) int64, in the order of their turns."""
@@ -106,28 +113,51 @@ class Maintainer:
             dropped = np.flatnonzero(plan.influence >= self.policy.drop_level)
             drop(self.state, dropped)
         drifting = self._drifting_maps()
-        rays = Counter(plan.rays)
         waiting = np.concatenate([plan.texel, plan.spare])
-        clipped = 0
-        samples = [(waiting[:0], self.state["irradiance"][:0], self.state["irradiance"][:0])]
-        updated = 0
-        while count := self._admitted(world, budget - rays.total(), len(waiting) - updated):
-            texel = waiting[updated : updated + count]
+
+        def prepare(texel: np.ndarray) -> None:
             plan.forget_old(self.state, texel)
             in_drift = drifting[self._owner[texel]]
             mark_heavy(self.state, texel[in_drift & (self.state["heavy"][texel] == 0)], 1)
-            known = self.state["count"][texel] > 0
-            before = self.state["irradiance"][texel]
-            gathered = yield from self._update(world, texel, context.frame, collector, clock)
-            samples.append((texel[known], before[known], gathered.irradiance[known]))
-            rays.update(gathered.rays)
-            clipped += self._clipped(gathered, texel)
-            updated += count
+
+        left = budget - sum(plan.rays.values())
+        spent = yield from self._spend(world, waiting, left, context.frame, collector, clock, prepare)
         if self.policy.drift:
             with clock("blend"):
-                self._observe_departures(samples, world.fraction)
-        self.selector.spend(plan, updated - len(plan.texel))
-        return Maintenance(texels=waiting[:updated], dropped=dropped, rays=dict(rays), clipped=clipped, plan=plan)
+                self._observe_departures(spent.samples, world.fraction)
+        self.selector.spend(plan, spent.updated - len(plan.texel))
+        rays = Counter(plan.rays)
+        rays.update(spent.rays)
+        return Maintenance(
+            texels=waiting[: spent.updated], dropped=dropped, rays=dict(rays), clipped=spent.clipped, plan=plan
+        )
+
+    def _spend(
+        self,
+        world: World,
+        waiting: np.ndarray,
+        budget: int,
+        frame: int,
+        collector: Collector,
+        clock: Stopwatch,
+        prepare: Callable[[np.ndarray], None],
+    ) -> Waves[_Spent]:
+        """Samples and blends `waiting` (M,), all different, in their order, as far as `budget` rays admit them.
+
+        `prepare` is told of texels about to be sampled, (K,).
+        """
+        spent = _Spent(samples=[(waiting[:0], self.state["irradiance"][:0], self.state["irradiance"][:0])])
+        while count := self._admitted(world, budget - spent.rays.total(), len(waiting) - spent.updated):
+            texel = waiting[spent.updated : spent.updated + count]
+            prepare(texel)
+            known = self.state["count"][texel] > 0
+            before = self.state["irradiance"][texel]
+            gathered = yield from self._update(world, texel, frame, collector, clock)
+            spent.samples.append((texel[known], before[known], gathered.irradiance[known]))
+            spent.rays.update(gathered.rays)
+            spent.clipped += self._clipped(gathered, texel)
+            spent.updated += count
+        return spent
 
     def _admitted(self, world: World, rays: int, waiting: int) -> int:
         """Of `waiting` texels, how many are surely admitted if `rays` are left, whatever each of them takes.

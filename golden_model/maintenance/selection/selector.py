@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightloom.golden_model.contract.formats import LIKELY, SEEN
-from lightloom.golden_model.maintenance.publishing.regions import regions_of
 from lightloom.golden_model.maintenance.sampling.running_average import drop
 from lightloom.golden_model.maintenance.selection.classes import Share, class_table, needs, quotas
 from lightloom.golden_model.maintenance.selection.influence.changes import table_of
@@ -125,10 +124,10 @@ class Selector:
         self._classes = class_table(self.policy)
         windows = Windows(lightmaps)
         self._windows = windows
-        memory = regions_of(lightmaps).by_region()
+        self._variability = Variability(lightmaps, windows, self.policy)
+        memory = self._variability.by_region
         exists = lightmaps.texels["state"][memory] == VALID
         self._visibility = Visibility(windows, memory[exists], self.policy)
-        self._variability = Variability(lightmaps, windows, self.policy)
         self._sweep, self._probe = RoundRobin(), RoundRobin()
         self._sweep_share, self._probe_share = Share(self.policy.sweep), Share(self.policy.probe)
         self._turns = [RoundRobin() for _ in range(CLASSES)]

@@ -63,8 +63,9 @@ class Variability:
         self.scale = ONE
         """Factor of all thresholds, in 1/ONE, LEAST to MOST: a register."""
         regions = regions_of(lightmaps)
-        self._by_region = regions.by_region()
-        begins = np.diff(regions.of_texel[self._by_region], prepend=-1) != 0
+        self.by_region = regions.by_region()
+        """The texels as they lie in memory, (N,) int64."""
+        begins = np.diff(regions.of_texel[self.by_region], prepend=-1) != 0
         self._first, self._of_texel = np.flatnonzero(begins), np.cumsum(begins) - 1
 
     def measure(self, state: np.ndarray, values: np.ndarray | None, valid: np.ndarray) -> np.ndarray:
@@ -97,9 +98,9 @@ class Variability:
 
     def _regional(self, bins: np.ndarray, valid: np.ndarray) -> np.ndarray:
         """The highest bin of each region at all its texels."""
-        highest = np.maximum.reduceat(bins[self._by_region], self._first)
+        highest = np.maximum.reduceat(bins[self.by_region], self._first)
         out = np.empty_like(bins)
-        out[self._by_region] = highest[self._of_texel]
+        out[self.by_region] = highest[self._of_texel]
         out[~valid] = 0
         return out
 
