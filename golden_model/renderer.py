@@ -390,7 +390,7 @@ class Renderer:
                 self.chain.release(self._shown(frame) - 1)
             version = self.chain.newest + 1
             self.chain.begin(version)
-            difference = self.publisher.difference(before, self.state, np.concatenate([done.dropped, done.texels]))
+            difference = self.publisher.difference(before, self.state, np.concatenate([done.stale, done.texels]))
             self.chain.write(version, difference)
             self.chain.commit(version)
         return len(difference.texel)

@@ -154,18 +154,18 @@ def texel_blend(record: Record) -> Record:
     count, heavy, usual = (int(record[name]) for name in ("count", "heavy", "deviation"))
     old = bits(record, "irradiance")
     sample = [integer(int(total), int(record["fraction"])) for total in record["total"]]
-    alpha = maximum(exact.float_divide(ONE, integer(count + 1)), one(record, "alpha_min"))
+    alpha = maximum(exact.float_divide(integer(16), integer(count + 16)), one(record, "alpha_min"))
     alpha = maximum(alpha, one(record, "alpha_heavy")) if heavy else alpha
     moved = [add(a, exact.float_multiply(alpha, subtract(b, a))) for a, b in zip(old, sample, strict=True)]
     weights = [QUARTER, HALF, QUARTER]
     before, after = dot(old, weights), dot(sample, weights)
     latest = relative(subtract(after, before) & ~SIGN, before)
     out["irradiance"] = np.array(moved if count else sample, dtype=np.uint32).view(np.float32)
-    out["count"], out["heavy"] = min(count + 1, 255), max(heavy - 1, 0)
+    out["count"], out["heavy"] = min(count + 16, 4095), max(heavy - 1, 0)
     limit = int(record["notice_factor"]) * usual + 16 * int(record["notice_floor"])
-    out["noticed"] = 0 < count >= int(record["notice_count"]) and 16 * latest > limit
-    if count:
-        weight = 1 if count == 1 else 2 if count < 4 else 4 if count < 8 else 8
+    out["noticed"] = count > 0 and count // 16 >= int(record["notice_count"]) and 16 * latest > limit
+    if whole := count // 16:
+        weight = 1 if whole == 1 else 2 if whole < 4 else 4 if whole < 8 else 8
         step = -(-abs(latest - usual) // weight)
         out["deviation"] = usual + step if latest > usual else usual - step
     out["spread"] = spread(record)

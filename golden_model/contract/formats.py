@@ -330,17 +330,20 @@ GBUFFER = np.dtype(
 PIXEL = np.dtype([("depth", F4), ("normal", F2, (3,)), ("lod", I2), ("reserved", U4)])
 
 # --- lightmap maintenance -----------------------------------------------------------------------------------------
-# The maintained texel, 20 bytes in hardware: irradiance RGB; the frame of the last update, modulo 65536; `number`, the
-# updates it has had, modulo 4096: it selects the run of the sequences; `count`, the samples in the running average: it
-# stops at 255 and is 0 where nothing is known; `heavy`, how many updates still to come weigh more after a change;
-# `noticed`, the last sample departed from the average by more than is usual. In 1/256ths and up to 4095: `deviation`,
-# the running mean of |sample - average| over the average; `spread`, the standard error of the last sample over itself.
+# The maintained texel, 20 bytes in hardware: irradiance RGB; the frame of the last update, modulo FRAMES; `number`, the
+# updates it has had, modulo 4096: it selects the run of the sequences; `count`, the samples that the running average is
+# worth, in 16ths: it stops at 4095 and is 0 where nothing is known; `heavy`, how many updates still to come weigh more
+# after a change; `noticed`, the last sample departed from the average by more than is usual. In 1/256ths and up to
+# 4095: `deviation`, the running mean of |sample - average| over the average; `spread`, the standard error of the last
+# sample over itself.
+FRAMES = 4096
+"""The frames of updates are numbered modulo FRAMES."""
 TEXEL_STATE = np.dtype(
     [
         ("irradiance", F4, (3,)),
-        ("frame", U2),
+        ("frame", bits(12)),
         ("number", bits(12)),
-        ("count", bits(8)),
+        ("count", bits(12)),
         ("heavy", bits(3)),
         ("noticed", BOOL),
         ("deviation", bits(12)),
@@ -357,7 +360,11 @@ RELATIVE_BITS = 8
 """Bits after the point of `deviation` and `spread`."""
 RELATIVE_MAX = 4095
 """Where they stop: 12 bits."""
-COUNT_MAX = 255
+COUNT_BITS = 4
+"""Bits after the point of `count`."""
+ONE_SAMPLE = 1 << COUNT_BITS
+"""What a sample adds to `count`."""
+COUNT_MAX = 4095
 """Where `count` stops."""
 NOTICE_BITS = 4
 """Bits after the point of `notice_factor`."""
@@ -381,7 +388,7 @@ SAMPLE_SUMS = np.dtype(
 TEXEL_BLEND = np.dtype(
     [
         ("irradiance", F4, (3,)),
-        ("count", bits(8)),
+        ("count", bits(12)),
         ("heavy", bits(3)),
         ("deviation", bits(12)),
         *((name, SAMPLE_SUMS[name]) for name in SAMPLE_SUMS.names or ()),
@@ -396,7 +403,7 @@ TEXEL_BLEND = np.dtype(
 TEXEL_BLENDED = np.dtype(
     [
         ("irradiance", F4, (3,)),
-        ("count", bits(8)),
+        ("count", bits(12)),
         ("heavy", bits(3)),
         ("noticed", BOOL),
         ("deviation", bits(12)),
@@ -471,16 +478,18 @@ TEXEL_MATCHED = np.dtype([("degree", bits(2)), ("lod", bits(2))])
 
 # --- influence ----------------------------------------------------------------------------------------------------
 # Where something that changed can matter to light ([0079] to [0083]). `kind` is 0 for a volume, 1 for a shadow, 2 for
-# a footprint; `object` what changed (-1: a point light), `level` the highest change level it causes, `surface` the
-# object whose map alone it concerns (-1: all), `facing` says that only texels turned towards the box count. A volume
-# is the box from `low` to `high` with its reach beyond each side. A shadow is the box that may lie between a texel and
-# the light around `light`, of half the size `light_half`, by which the box is larger already. A footprint is the ball
-# around `low` of radius `reach_low`.
+# a footprint; `object` what changed (-1: a point light), `level` the highest change level it causes; where that is 3,
+# its 2**octaves-th part is what light is expected to change by in this frame, and of each level below a quarter of it.
+# `surface` is the object whose map alone it concerns (-1: all), `facing` says that only texels turned towards the box
+# count. A volume is the box from `low` to `high` with its reach beyond each side. A shadow is the box that may lie
+# between a texel and the light around `light`, of half the size `light_half`, by which the box is larger already. A
+# footprint is the ball around `low` of radius `reach_low`.
 INFLUENCE = np.dtype(
     [
         ("kind", bits(2)),
         ("facing", BOOL),
         ("level", bits(2)),
+        ("octaves", bits(3)),
         ("object", I4),
         ("surface", I4),
         ("low", F4, (3,)),

@@ -11,6 +11,7 @@ from lightloom.golden_model.contract.formats import TEXEL_STATE
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.maintenance.drift import departures
 from lightloom.golden_model.maintenance.publishing.publisher import LARGEST_HALF
+from lightloom.golden_model.maintenance.sampling.confidence import lower
 from lightloom.golden_model.maintenance.sampling.gather import Gathered, World, gather
 from lightloom.golden_model.maintenance.sampling.running_average import blend_texels, drop, mark_heavy
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
@@ -29,8 +30,8 @@ class Maintenance:
 
     texels: np.ndarray
     """Numbers of the texels updated, each once, in the order of their updates, (M,) int64."""
-    dropped: np.ndarray
-    """Texels whose values were dropped because their light has changed, (D,) int64."""
+    stale: np.ndarray
+    """Texels of which little or nothing is known any more because their light has changed, (D,) int64, rising."""
     rays: dict[str, int]
     """Rays traced by kind: "indirect", "specular" (on from mirrors and glass), "shadow", "visibility", "footprints";
     together at most the budget."""
@@ -110,8 +111,7 @@ class Maintainer:
             reserve = self.sampling.reserve(world.scene.specular)
             plan = self.selector.plan(context, budget, reserve, self.sampling.directions)
             plan.mark(self.state, self.policy.heavy_updates)
-            dropped = np.flatnonzero(plan.influence >= self.policy.drop_level)
-            drop(self.state, dropped)
+            stale = lower(self.state, plan.expected)
         drifting = self._drifting_maps()
         waiting = np.concatenate([plan.texel, plan.spare])
 
@@ -129,7 +129,7 @@ class Maintainer:
         rays = Counter(plan.rays)
         rays.update(spent.rays)
         return Maintenance(
-            texels=waiting[: spent.updated], dropped=dropped, rays=dict(rays), clipped=spent.clipped, plan=plan
+            texels=waiting[: spent.updated], stale=stale, rays=dict(rays), clipped=spent.clipped, plan=plan
         )
 
     def _spend(

@@ -4,7 +4,16 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import COUNT_MAX, HIDDEN, LIKELY, RELATIVE_MAX, SEEN, TAPS
+from lightloom.golden_model.contract.formats import (
+    COUNT_BITS,
+    COUNT_MAX,
+    HIDDEN,
+    LIKELY,
+    ONE_SAMPLE,
+    RELATIVE_MAX,
+    SEEN,
+    TAPS,
+)
 from lightloom.golden_model.numerics.floats import flush, quiet
 from lightloom.verif.bins.coverage import Groups, cases
 from lightloom.verif.bins.number_bins import classes, signed
@@ -99,19 +108,21 @@ def _blend(i: np.ndarray, o: np.ndarray) -> Groups:
     return {
         "samples in the average": cases(
             none=i["count"] == 0,
-            **{f"weight_of_deviations_1/{1 << s}": mask for s, mask in enumerate(_by_weight(i["count"]))},
+            less_than_one=(i["count"] > 0) & (i["count"] < ONE_SAMPLE),
+            sixteenths=(i["count"] > ONE_SAMPLE) & (i["count"] % ONE_SAMPLE > 0),
+            **{f"weight_of_deviations_1/{1 << s}": mask for s, mask in enumerate(_by_weight(i["count"] >> COUNT_BITS))},
             most=i["count"] == COUNT_MAX,
         ),
         "weight": cases(
             heavy=i["heavy"] > 0,
             heavy_for_the_last_time=i["heavy"] == 1,
-            of_the_mean=known & (i["heavy"] == 0) & (1 / (i["count"] + 1.0) > i["alpha_min"]),
-            least=known & (i["heavy"] == 0) & (1 / (i["count"] + 1.0) < i["alpha_min"]),
+            of_the_mean=known & (i["heavy"] == 0) & (ONE_SAMPLE / (i["count"] + ONE_SAMPLE) > i["alpha_min"]),
+            least=known & (i["heavy"] == 0) & (ONE_SAMPLE / (i["count"] + ONE_SAMPLE) < i["alpha_min"]),
         ),
         "noticed": cases(
             noticed=o["noticed"],
-            not_noticed=known & ~o["noticed"] & (i["count"] >= i["notice_count"]),
-            too_few_samples=known & (i["count"] < i["notice_count"]),
+            not_noticed=known & ~o["noticed"] & (i["count"] >> COUNT_BITS >= i["notice_count"]),
+            too_few_samples=known & (i["count"] >> COUNT_BITS < i["notice_count"]),
         ),
         "deviation": cases(
             falls=known & (o["deviation"] < i["deviation"]),
@@ -133,7 +144,9 @@ def _blend(i: np.ndarray, o: np.ndarray) -> Groups:
 
 
 def _by_weight(count: np.ndarray) -> list[np.ndarray]:
-    return [(count >= low) & (count < high) for low, high in ((1, 2), (2, 4), (4, 8), (8, COUNT_MAX + 1))]
+    return [
+        (count >= low) & (count < high) for low, high in ((1, 2), (2, 4), (4, 8), (8, (COUNT_MAX >> COUNT_BITS) + 1))
+    ]
 
 
 BINS: dict[str, Callable[[np.ndarray, np.ndarray], Groups]] = {

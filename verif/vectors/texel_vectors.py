@@ -7,8 +7,8 @@ import numpy as np
 
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import (
-    COUNT_MAX,
     F2,
+    ONE_SAMPLE,
     RAY_GROUPS,
     RELATIVE_MAX,
     SCREEN_BITS,
@@ -214,6 +214,12 @@ def _settings(out: np.ndarray, rng: Generator) -> None:
     out["notice_count"] = rng.choice([1, 8, 255], count, p=[0.1, 0.8, 0.1])
 
 
+def samples_in(whole: np.ndarray, rng: Generator) -> np.ndarray:
+    """Counts of whole samples, and in a third of the cases any number of 16ths more."""
+    parts = rng.integers(0, ONE_SAMPLE, len(whole)) * (rng.random(len(whole)) < 1 / 3)
+    return whole * ONE_SAMPLE + parts
+
+
 def updates(count: int, rng: Generator) -> np.ndarray:
     """Texels on their way: samples of some rays, about as bright as the average."""
     out = np.zeros(count, dtype=TEXEL_BLEND)
@@ -228,7 +234,7 @@ def updates(count: int, rng: Generator) -> np.ndarray:
     out["squares"] = out["sums"] * mean * rng.choice([0.9, 1, 1.1, 4], (count, RAY_GROUPS))
     ratio = rng.choice([0.25, 0.9, 1, 1.02, 2], (count, 1))
     out["irradiance"] = np.ldexp(out["total"] * ratio, -out["fraction"][:, None].astype(np.int32))
-    out["count"] = rng.choice([0, 1, 2, 3, 4, 7, 8, 9, 40, 254, COUNT_MAX], count)
+    out["count"] = samples_in(rng.choice([0, 1, 2, 3, 4, 7, 8, 9, 40, 254, 255], count), rng)
     out["heavy"] = rng.choice([0, 0, 1, 7], count)
     out["deviation"] = rng.choice([0, 1, 20, 60, 200, RELATIVE_MAX], count)
     _settings(out, rng)
@@ -261,7 +267,7 @@ def suddenly_bright(count: int, rng: Generator) -> np.ndarray:
     sample = (1 << rng.integers(0, 24, (count, 1))) + rng.integers(0, 17, (count, 1))
     out["total"] = sample << 12
     out["irradiance"] = 1
-    out["count"] = rng.choice([1, 2, 4, 8, 255], count)
+    out["count"] = samples_in(rng.choice([1, 2, 4, 8, 255], count), rng)
     return out
 
 

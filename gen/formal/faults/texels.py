@@ -56,9 +56,7 @@ FAULTS = (
         "lambda known, moved, new: moved",
         "what was dropped still counts",
     ),
-    _fault(
-        BLEND, "count-wraps", "Mux(count == COUNT_MAX, COUNT_MAX, count + 1)", "(count + 1)", "256 samples are none"
-    ),
+    _fault(BLEND, "count-wraps", "Mux(more > COUNT_MAX, COUNT_MAX, more)", "more", "256 samples are none"),
     _fault(BLEND, "heavy-forever", "Mux(heavy.any(), heavy - 1, 0)", "(heavy + 0)", "marks are not counted down"),
     _fault(BLEND, "heavy-always", "Mux(heavy.any(), raised, alpha)", "raised", "every sample weighs as after a change"),
     _fault(

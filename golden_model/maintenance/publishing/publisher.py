@@ -177,14 +177,14 @@ def _in_half(value: np.ndarray) -> np.ndarray:
 
 @quiet
 def pull_push(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Fills an image (H, W, K) float32 where not `known` (H, W), smoothly; known pixels stay. All unknown: zero.
+    """Fills an image (H, W, K) float32 where not `known` (H, W), smoothly; known pixels stay, and all if none is known.
 
     Gortler et al. 1996 with weights 0 and 1: each coarser pixel is the mean of the known ones among its four, and an
     unknown pixel is read bilinearly from the coarser image, which was filled first. Sums run row by row.
     """
     height, width = known.shape
     if known.all() or not known.any():
-        return np.where(known[..., None], values, np.float32(0))
+        return values
     rows, columns = (height + 1) // 2, (width + 1) // 2
     total = np.zeros((rows, columns, values.shape[2]), dtype=np.float32)
     count = np.zeros((rows, columns), dtype=np.float32)

@@ -7,6 +7,7 @@
 
 from dataclasses import dataclass, replace
 
+from lightloom.golden_model.contract.formats import FRAMES
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.parameters import check, choice, flag, number
 
@@ -134,12 +135,10 @@ class Policy:
     footprint_rays: int = number(64, 0, 1024, "Rays for footprints a frame, at most.")
     heavy_level: int = number(2, 1, 4, "Change levels from this one on make new samples weigh more, 4: none.")
     heavy_updates: int = number(6, 0, 7, "The number of updates that do.")
-    drop_level: int = number(
-        3,
-        1,
-        4,
-        "Texels that influence reaches at such levels drop their values at once, 4: none; until they are "
-        "sampled they show what the texels around them have found since (claim 14).",
+    lower: bool = flag(
+        True,
+        "What texels know that influence reaches is worth less by the change to be expected, and nothing where all of "
+        "their light changes; until they are sampled they show what fresh ones around them have found (claim 14).",
     )
     drift: bool = flag(
         True, "Samples of a map whose light as a whole is on its way to somewhere else weigh more, until it is there."
@@ -184,7 +183,7 @@ class Policy:
         "For levels of detail 0 to 3: -2 a level is a quarter of the samples a texel, the same number a pixel.",
     )
     few: int = number(8, 1, 255, "Samples in the running average.")
-    old: int = number(64, 1, 32768, "Frames since the last update.")
+    old: int = number(64, 1, FRAMES // 2, "Frames since the last update, which are counted modulo 4096.")
 
     def __post_init__(self) -> None:
         """Raises InputError, one line, for the first parameter that is not what it may be."""

@@ -15,7 +15,7 @@ from lightloom.golden_model.maintenance.sampling.running_average import drop
 from lightloom.golden_model.maintenance.selection.classes import Share, class_table, needs, quotas
 from lightloom.golden_model.maintenance.selection.influence.changes import table_of
 from lightloom.golden_model.maintenance.selection.influence.footprints import footprints
-from lightloom.golden_model.maintenance.selection.influence.reach import loose_bounds, texel_levels, touched
+from lightloom.golden_model.maintenance.selection.influence.reach import loose_bounds, texel_changes, touched
 from lightloom.golden_model.maintenance.selection.influence.volumes import volumes
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import CLASSES, SHARE, Policy
@@ -92,6 +92,8 @@ class Plan:
     """Variability after widening, 0 to 3, (N,) uint8."""
     influence: np.ndarray
     """Change level by influence records, 0 to 3, (N,) uint8."""
+    expected: np.ndarray
+    """Change that is expected in this frame by influence records, 0 to `reach.WHOLE`, (N,) uint8; 0 without `lower`."""
     change: np.ndarray
     """Change level by influence, by what texels noticed, and by updates still to come after a change, (N,) uint8."""
     heavy: np.ndarray
@@ -146,7 +148,7 @@ class Selector:
         allowed = self._allowed(budget, cost)
         records, footprint_rays = self._changes(context, allowed)
         boxes = loose_bounds(self._table, context.after, policy)
-        influence = texel_levels(records, boxes, maps, valid)
+        influence, expected = texel_changes(records, boxes, maps, valid)
         sight, visibility_rays = self._look(context, valid, allowed - footprint_rays)
         bins = self._variability.look(context.state, context.values, valid)
         noticed, believed = self._noticed(context.state, valid)
@@ -169,6 +171,7 @@ class Selector:
             lod=sight.lod,
             bins=bins,
             influence=influence,
+            expected=expected if policy.lower else np.zeros_like(expected),
             change=change,
             heavy=urgent & (policy.heavy_updates > 0),
             # Heavy updates of which none has come yet: the change is known and the value is from before it.

@@ -83,6 +83,6 @@ def test_class_table_adds_points_and_stays_in_range() -> None:
 
 def test_needs_by_count_and_age() -> None:
     state = np.zeros(5, dtype=TEXEL_STATE)
-    state["count"] = 0, 3, 200, 200, 200
-    state["frame"] = 10, 10, 10, 65530, 65500
-    assert needs(state, 65546, Policy(few=8, old=20)).tolist() == [NEVER, FEW, IN_ORDER, IN_ORDER, OLD]
+    state["count"] = 0, 8 * 16 - 1, 8 * 16, 3200, 3200
+    state["frame"] = 10, 10, 10, 4090, 4060
+    assert needs(state, 4106, Policy(few=8, old=20)).tolist() == [NEVER, FEW, IN_ORDER, IN_ORDER, OLD]
