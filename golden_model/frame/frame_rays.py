@@ -171,7 +171,7 @@ class FrameRays:
     def _go_on(self, pixel: np.ndarray, onward: Onward, weight: np.ndarray) -> None:
         """Puts rays into the next wave, but those that are not worth it."""
         self._bounce += 1
-        enough = weight.max(axis=1) > np.float32(self.options.cutoff)
+        enough = np.asarray((weight > np.float32(self.options.cutoff)).any(axis=1))
         if self._bounce > self.options.bounces:
             enough[:] = False
         kept = np.flatnonzero(enough)

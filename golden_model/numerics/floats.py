@@ -103,7 +103,7 @@ def float_compare(a: Array, b: Array) -> tuple[Array, Array, Array, Array]:
 
 
 @quiet
-def float_minmax(a: Array, b: Array, maximum: Array | bool = False) -> Array:
+def float_minmax(a: Array, b: Array | np.float32, maximum: Array | bool = False) -> Array:
     """IEEE 754-2019 minimumNumber, or maximumNumber where `maximum` (bool).
 
     A NaN loses against a number; two NaN give the NaN. -0 is less than +0.
