@@ -364,8 +364,8 @@ NOTICE_BITS = 4
 
 # What the rays of one update of a texel add up to, in fixed point; up to 8192 rays (`accumulate`). `total` RGB has
 # `fraction` bits after the point, a number of the scene. `sums` are those of the contributions' luminance, `squares` of
-# its square, `rays` how many there were, those that brought nothing included: of the rays over the hemisphere, and of
-# those to lights (0 of these where no such rays are).
+# its square, `rays` how many there were, those that brought nothing included: of the rays over the hemisphere with what
+# follows them, and of those to lights (0 of these where no such rays are).
 RAY_GROUPS = 2
 SAMPLE_SUMS = np.dtype(
     [
