@@ -149,6 +149,12 @@ def float_to_fixed_down(a: Array, fraction: Array | int = 0) -> Array:
 
 
 @quiet
+def beyond_fixed(a: Array, fraction: int = 0) -> Array:
+    """Whether `a` is too large for `float_to_fixed`, which then stops at its largest number: bool."""
+    return np.asarray(flush(np.asarray(a)) >= np.float32(2.0 ** (31 - fraction)))
+
+
+@quiet
 def fixed_to_float(a: Array, fraction: Array | int = 0) -> Array:
     """int32 with `fraction` (0..31) bits after the point to float32; never subnormal."""
     return np.ldexp(np.asarray(a).astype(np.float64), -np.asarray(fraction, dtype=np.int32)).astype(np.float32)
