@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -68,6 +68,13 @@ class Pipeline:
     versions: int = 2
     """Length of the flip chain, 1 to 8. What frame k's rays find is shown in frame k + versions - 1: 1 samples before
     the frame is shaded ([0085]), 2 beside it, and each further one leaves a frame more time for it."""
+    selects_by: Literal["this", "before"] = "this"
+    """The frame whose view and G-buffer selection looks at, as `Machine.early_selection` of the schedule. By the one
+    before it waits for no rasterizer ([0052]), and misses what comes into sight with this one."""
+
+    def __post_init__(self) -> None:
+        if self.selects_by not in ("this", "before"):
+            raise InputError(f"selects by {self.selects_by}: must be this or before")
 
 
 @dataclass(frozen=True)
@@ -149,7 +156,10 @@ class Renderer:
         """Of the unit in which `scene`, the maintained texels and the published maps hold light; pictures do not."""
         scene = in_unit(scene, self.exponent)
         self.scene, self.width, self.height, self.seed = scene, width, height, seed
-        self.machine = machine or Machine()
+        early = self.pipeline.selects_by == "before"
+        self.machine = machine or Machine(early_selection=int(early))
+        if self.machine.early_selection != early:
+            raise InputError("early selection: machine and pipeline must agree on whose surfaces selection looks at")
         self.budget = budget
         """Rays that the maintenance of the next frame may spend."""
         self._hold = None
@@ -175,6 +185,8 @@ class Renderer:
         """Rays traced before the first frame."""
         self.priming_clipped = 0
         """What was too bright for the formats then, as `Maintenance.clipped`."""
+        self._latest: _Drawn | None = None
+        """The last frame; None before the first."""
         self.chain = self._prime(first)
 
     @property
@@ -264,9 +276,11 @@ class Renderer:
             camera = scene.camera
             view = look_at(camera.position, camera.target, camera.up, camera.fov_y_tan, self.width, self.height)
             raster = draw(view, self._mesh(scene), self.pipeline.raster)
-        self._latest = _Drawn(number, scene, world.lights, view, raster.gbuffer)
+        drawn = _Drawn(number, scene, world.lights, view, raster.gbuffer)
+        looked_at = drawn if self.pipeline.selects_by == "this" else self._latest or drawn
+        self._latest = drawn
         with clock("predict"):
-            context = self._context(number, world, raster.gbuffer, view, collector)
+            context = self._context(world, looked_at, collector)
         maintain = self.maintainer.run(world, context, self.budget, collector, clock)
         if self.pipeline.versions == 1:
             # What this frame shows is only made by its own maintenance.
@@ -298,9 +312,9 @@ class Renderer:
             seconds=clock.seconds,
         )
 
-    def _context(self, frame: int, world: World, gbuffer: np.ndarray, view: View, collector: Collector) -> FrameContext:
-        """What the selection of a frame looks at."""
-        scene = world.scene
+    def _context(self, world: World, drawn: _Drawn, collector: Collector) -> FrameContext:
+        """What the selection of the next frame looks at, with the surfaces of the frame `drawn`."""
+        scene, frame = world.scene, self.next_frame
         coming = predicted_view(scene, frame, self.width, self.height, self.policy)
         return FrameContext(
             frame=frame,
@@ -309,8 +323,8 @@ class Renderer:
             lightmaps=world.lightmaps,
             state=self.state,
             values=world.surfaces.irradiance[: len(self.state)],
-            view=view,
-            gbuffer=gbuffer,
+            view=drawn.view,
+            gbuffer=drawn.gbuffer,
             predicted=None if coming is None else (coming, draw(coming, self._mesh(scene)).gbuffer),
             trace=partial(collector.now, MAINTENANCE),
         )
@@ -331,6 +345,7 @@ class Renderer:
     ) -> Waves[tuple[np.ndarray, FrameRayFigures]]:
         """The picture of the frame just drawn: what fragment shading finds, and what its rays add."""
         drawn = self._latest
+        assert drawn is not None
         surfaces = self._surfaces(drawn.scene, published)
         seed, options = self.seed, self.pipeline.shading
         with clock("shade pixels"):

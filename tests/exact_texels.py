@@ -85,14 +85,8 @@ def texel_project(record: Record) -> Record:
     )
     if not all(conditions):
         return out
-    leaning = add(*(dot(normal, axes[name]) & ~SIGN for name in ("right", "up")))
-    distance = maximum(exact.float_multiply(focal, over & ~SIGN), SHORTEST)
-    steep = exact.float_divide(exact.float_multiply(leaning, depth), distance)
-    reach = exact.float_multiply(one(record, "depth_slopes"), add(ONE, maximum(outside, ZERO)))
-    slope = exact.float_minmax(exact.float_multiply(steep, reach), one(record, "depth_limit"), 0)
-    relative = exact.float_multiply(add(slope, one(record, "depth_relative")), depth)
     out["visible"] = True
-    for name, value in (("depth", depth), ("tolerance", add(relative, one(record, "depth_fixed")))):
+    for name, value in (("depth", depth), ("above", over), ("outside", outside)):
         out[name] = np.uint32(value).view(np.float32)
     for name, place, side in (("column", x, "width"), ("row", y, "height")):
         first = (signed(exact.float_to_fixed_down(place, 1)) - 1) // 2
@@ -101,9 +95,20 @@ def texel_project(record: Record) -> Record:
     return out
 
 
+def tolerance_of(record: Record) -> int:
+    normal, depth = bits(record, "normal"), one(record, "depth")
+    leaning = add(*(dot(normal, bits(record, name)) & ~SIGN for name in ("right", "up")))
+    distance = maximum(exact.float_multiply(one(record, "focal"), one(record, "above") & ~SIGN), SHORTEST)
+    steep = exact.float_divide(exact.float_multiply(leaning, depth), distance)
+    reach = exact.float_multiply(one(record, "depth_slopes"), add(ONE, maximum(one(record, "outside"), ZERO)))
+    slope = exact.float_minmax(exact.float_multiply(steep, reach), one(record, "depth_limit"), 0)
+    relative = exact.float_multiply(add(slope, one(record, "depth_relative")), depth)
+    return add(relative, one(record, "depth_fixed"))
+
+
 def texel_match(record: Record) -> Record:
     out = np.zeros(1, dtype=TEXEL_MATCHED)[0]
-    tolerance = one(record, "tolerance")
+    tolerance = tolerance_of(record)
     doubt = exact.float_multiply(tolerance, one(record, "depth_doubt"))
     normals = [exact.half_to_float(each) for each in bits(record, "pixel_normal")]
     degrees, levels = [], []

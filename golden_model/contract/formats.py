@@ -371,8 +371,8 @@ NOTICE_BITS = 4
 
 # What the rays of one update of a texel add up to, in fixed point; up to 8192 rays (`accumulate`). `total` RGB has
 # `fraction` bits after the point, a number of the scene. `sums` are those of the contributions' luminance, `squares` of
-# its square, `rays` how many there were, those that brought nothing included: of the rays over the hemisphere, and of
-# those to lights (0 of these where no such rays are).
+# its square, `rays` how many there were, those that brought nothing included: of the rays over the hemisphere with what
+# follows them, and of those to lights (0 of these where no such rays are).
 RAY_GROUPS = 2
 SAMPLE_SUMS = np.dtype(
     [
@@ -413,7 +413,7 @@ TEXEL_BLENDED = np.dtype(
 
 # --- texel visibility ---------------------------------------------------------------------------------------------
 # A texel and a view: its surface point and unit normal, the camera (`pinhole.View`), the side of a texel in the scene's
-# unit, what of the policy bears on tolerances (`policy.Policy`); `depth_fixed` is depth_texels sides of a texel.
+# unit, how far below its horizon a texel still counts as facing the eye (`policy.Policy`).
 SCREEN_BITS = 15
 """Of a picture's sides, 1 to 16384 pixels, and of rows and columns."""
 SHORTEST = np.float32(2.0**-40)
@@ -437,33 +437,40 @@ TEXEL_PROJECT = np.dtype(
         ("height", bits(SCREEN_BITS)),
         ("texel_size", F4),
         ("facing_slack", F4),
-        ("depth_slopes", F4),
-        ("depth_limit", F4),
-        ("depth_relative", F4),
-        ("depth_fixed", F4),
     ]
 )
 
-# Where it lies on the screen: the two columns and the two rows of the four pixels around it, its depth, and by how much
-# depths may differ that match. All zero where it is not `visible`: it faces away, is too near or off the screen.
+# Where it lies on the screen: the two columns and the two rows of the four pixels around it, its depth, the height of
+# the eye above the texel's plane, and how far off the screen it is in pixels, less than 0 on it. All zero where it is
+# not `visible`: it faces away, is too near or off the screen.
 TEXEL_PLACE = np.dtype(
     [
         ("visible", BOOL),
         ("depth", F4),
-        ("tolerance", F4),
+        ("above", F4),
+        ("outside", F4),
         ("column", bits(SCREEN_BITS), (2,)),
         ("row", bits(SCREEN_BITS), (2,)),
     ]
 )
 
-# Such a texel and its four pixels, row by row, each as in PIXEL; the tests of the policy. What they say: the degree
-# (UNSEEN to SEEN), and of a seen texel the level of detail, in whole levels.
+# Such a texel, what of the view and of the policy says by how much depths may differ that match (`depth_fixed` is
+# depth_texels sides of a texel), and its four pixels, row by row, each as in PIXEL; the tests of the policy. What they
+# say: the degree (UNSEEN to SEEN), and of a seen texel the level of detail, in whole levels.
 TAPS = 4
 TEXEL_MATCH = np.dtype(
     [
         ("normal", F4, (3,)),
         ("depth", F4),
-        ("tolerance", F4),
+        ("above", F4),
+        ("outside", F4),
+        ("right", F4, (3,)),
+        ("up", F4, (3,)),
+        ("focal", F4),
+        ("depth_slopes", F4),
+        ("depth_limit", F4),
+        ("depth_relative", F4),
+        ("depth_fixed", F4),
         ("pixel_depth", F4, (TAPS,)),
         ("pixel_normal", F2, (3 * TAPS,)),
         ("pixel_lod", I2, (TAPS,)),

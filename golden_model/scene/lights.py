@@ -14,7 +14,7 @@ import numpy as np
 from lightloom.golden_model.contract.formats import RAY
 from lightloom.golden_model.numerics.counter_rng import hash_u32, uniform
 from lightloom.golden_model.numerics.directions import sobol
-from lightloom.golden_model.numerics.floats import flush, quiet
+from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.vectors import add, cross, scale, subtract
 from lightloom.golden_model.numerics.vectors import dot as dot4
 from lightloom.golden_model.scene.mesh import area_vectors, dot
@@ -174,7 +174,7 @@ def _in_front(lights: Lights, light: np.ndarray, target: np.ndarray, toward: np.
     whether the light is met depends there on how far t reaches, not on its sign alone.
     """
     size = np.abs(toward)
-    length = np.maximum(np.maximum(size[..., 0], size[..., 1]), size[..., 2])
+    length = float_minmax(float_minmax(size[..., 0], size[..., 1], True), size[..., 2], True)
     span = flush(np.float32(2) * flush(length + lights.span[light]))
     return ray_start(target, lights.unit[light], span)
 

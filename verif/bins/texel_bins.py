@@ -14,6 +14,7 @@ from lightloom.golden_model.contract.formats import (
     SEEN,
     TAPS,
 )
+from lightloom.golden_model.maintenance.selection.texel_match import depth_tolerance
 from lightloom.golden_model.numerics.floats import flush, quiet
 from lightloom.verif.bins.coverage import Groups, cases
 from lightloom.verif.bins.number_bins import classes, signed
@@ -38,7 +39,6 @@ def _project(i: np.ndarray, o: np.ndarray) -> Groups:
             f"{name}, beyond the last": visible & (first == second) & (first == last[:, axis]) & (first > 0),
             f"{name}, one pixel": visible & (last[:, axis] == 0),
         }
-    limit = visible & (o["tolerance"] >= flush(i["depth_limit"] * o["depth"])) & (i["depth_limit"] > 0)
     return {
         "texels": cases(
             visible=visible,
@@ -49,12 +49,10 @@ def _project(i: np.ndarray, o: np.ndarray) -> Groups:
             off_the_screen=~visible & (depth > i["near"]) & (along < 0),
         ),
         "pixels around": cases(**ends),
-        "tolerance": cases(
-            none=visible & (o["tolerance"] == 0),
-            a_number=visible & np.isfinite(o["tolerance"]),
-            at_the_limit_of_the_slope=limit,
-            infinite=visible & np.isinf(o["tolerance"]),
-            NaN=visible & np.isnan(o["tolerance"]),
+        "off the screen": cases(
+            inside=visible & (o["outside"] < 0),
+            at_the_border=visible & (o["outside"] == 0),
+            by_less_than_a_texel=visible & (o["outside"] > 0),
         ),
         "position": cases(**{name: any_of(i["position"], name) for name in classes(i["near"])}),
         "normal": cases(**{name: any_of(i["normal"], name) for name in classes(i["near"])}),
@@ -67,7 +65,8 @@ def _project(i: np.ndarray, o: np.ndarray) -> Groups:
 def _match(i: np.ndarray, o: np.ndarray) -> Groups:
     empty = i["pixel_depth"] == np.inf
     behind = flush(flush(i["depth"])[:, None] - flush(i["pixel_depth"]))
-    tolerance = flush(i["tolerance"])[:, None]
+    tolerance = depth_tolerance(i)[:, None]
+    every = tolerance[:, 0]
     both = i["normal_test"] & i["depth_test"]
     tests = {
         "both": both,
@@ -89,7 +88,7 @@ def _match(i: np.ndarray, o: np.ndarray) -> Groups:
         "levels allowed": values(i["lod_levels"], TAPS),
         "empty pixels": {str(k): int((empty.sum(axis=1) == k).sum()) for k in range(TAPS)},
         "depths": cases(
-            exactly_the_tolerance=(np.abs(behind) == tolerance).any(axis=1) & (i["tolerance"] > 0),
+            exactly_the_tolerance=(np.abs(behind) == tolerance).any(axis=1) & (every > 0),
             exactly_the_doubt=(behind == flush(tolerance * i["depth_doubt"][:, None])).any(axis=1),
             nearer_than_all=(behind < -tolerance).all(axis=1),
             behind_all=(behind > tolerance).all(axis=1),
@@ -97,7 +96,15 @@ def _match(i: np.ndarray, o: np.ndarray) -> Groups:
         ),
         "pixels' normals": cases(**{name: mask.any(axis=1) for name, mask in classes(halves).items()}),
         "normal": cases(**{name: any_of(i["normal"], name) for name in classes(i["depth"])}),
-        "tolerance": signed(i["tolerance"]),
+        "tolerance": cases(
+            none=every == 0,
+            a_number=np.isfinite(every),
+            at_the_limit_of_the_slope=(every >= flush(i["depth_limit"] * i["depth"])) & (i["depth_limit"] > 0),
+            infinite=np.isinf(every),
+            NaN=np.isnan(every),
+        ),
+        "height of the eye": signed(i["above"]),
+        "off the screen": signed(i["outside"]),
     }
 
 

@@ -193,7 +193,7 @@ def pull_push(values: np.ndarray, known: np.ndarray) -> np.ndarray:
         place = slice(part.shape[0]), slice(part.shape[1])
         count[place] += part
         total[place] = flush(total[place] + np.where(part[..., None], values[j::2, i::2], np.float32(0)))
-    mean = flush(total / np.maximum(count, np.float32(1))[..., None])
+    mean = flush(total / float_minmax(count, np.float32(1), True)[..., None])
     coarse = pull_push(mean, count > 0)
 
     def doubled(image: np.ndarray, size: int) -> np.ndarray:

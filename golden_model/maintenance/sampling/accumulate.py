@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lightloom.golden_model.numerics.floats import fixed64_to_float, float_to_fixed
+from lightloom.golden_model.numerics.floats import beyond_fixed, fixed64_to_float, float_to_fixed
 from lightloom.golden_model.numerics.sample_spread import LUMINANCE_BITS, luminance
 from lightloom.golden_model.scene.light_unit import around_point_lights
 from lightloom.golden_model.scene.scene import Scene
@@ -39,7 +39,7 @@ def fraction_bits(scene: Scene, balanced: bool) -> int:
 
 def beyond(contribution: np.ndarray, fraction: int) -> int:
     """How many contributions of rays (R, 3) float32 saturate, in any colour: light that gets lost."""
-    return int(np.count_nonzero((contribution >= np.float32(2.0 ** (31 - fraction))).any(axis=1)))
+    return int(np.count_nonzero(beyond_fixed(contribution, fraction).any(axis=1)))
 
 
 def accumulate(slot: np.ndarray, contribution: np.ndarray, slots: int, fraction: int) -> np.ndarray:

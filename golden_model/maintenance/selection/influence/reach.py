@@ -9,7 +9,7 @@ import numpy as np
 from lightloom.golden_model.maintenance.selection.influence.changes import Table, bounds
 from lightloom.golden_model.maintenance.selection.influence.volumes import FOOTPRINT, LEVELS, MOST_OCTAVES, SHADOW
 from lightloom.golden_model.maintenance.selection.policy import Policy
-from lightloom.golden_model.numerics.floats import flush, quiet
+from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.vectors import dot
 from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.scene import Scene
@@ -39,8 +39,10 @@ def touched(records: np.ndarray, boxes: np.ndarray) -> np.ndarray:
     low, high = (np.broadcast_to(boxes[None, :, k], (len(records), *boxes[:, k].shape)) for k in (0, 1))
     # A shadow falls from the light onto the map, so what is compared is the box around both.
     shadow = (records["kind"] == SHADOW)[:, None, None]
-    low = np.where(shadow, np.minimum(low, flush(records["light"] - records["light_half"])[:, None]), low)
-    high = np.where(shadow, np.maximum(high, flush(records["light"] + records["light_half"])[:, None]), high)
+    light_low = flush(records["light"] - records["light_half"])[:, None]
+    light_high = flush(records["light"] + records["light_half"])[:, None]
+    low = np.where(shadow, float_minmax(low, light_low), low)
+    high = np.where(shadow, float_minmax(high, light_high, True), high)
     outer_low = flush(records["low"] - records["reach_low"])[:, None]
     outer_high = flush(records["high"] + records["reach_high"])[:, None]
     surface = records["surface"][:, None]
