@@ -7,23 +7,18 @@ import numpy as np
 
 from lightloom.golden_model.charts.buried import find_buried, nearest_valid
 from lightloom.golden_model.charts.curved import mesh_charts
-from lightloom.golden_model.charts.planar import ObjectCharts, planar_charts, planar_pieces
+from lightloom.golden_model.charts.planar import ObjectCharts, planar_charts
 from lightloom.golden_model.charts.read_levels import deepest_levels
 from lightloom.golden_model.charts.texels import MARGIN, texel_records, unit
 from lightloom.golden_model.charts.unwrap_process import KilledError, Unwrapper
 from lightloom.golden_model.contract.formats import TEXEL
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.scene.flat_pieces import flat_pieces
 from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.mesh import area_vectors, dot
 from lightloom.golden_model.scene.ray_offset import lift
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.trace_protocol import Trace
-
-PLANAR_TRIANGLES = 512
-"""Objects with more triangles are taken for curved meshes without looking for flat pieces."""
-
-PLANAR_PIECES = 16
-"""An object is flat geometry if it has at most this many flat pieces, or two triangles a piece on average."""
 
 MOST_TEXELS = 1 << 24
 LONGEST_SIDE = 1 << 14
@@ -93,11 +88,9 @@ def object_charts(
     corners: np.ndarray, texel_size: float, cache: Path | None = None, unwrapper: Unwrapper | None = None
 ) -> ObjectCharts:
     """Charts of one object's triangles (F, 3, 3): planar ones for flat geometry, else those of xatlas."""
-    if len(corners) <= PLANAR_TRIANGLES:
-        piece = planar_pieces(corners)
-        pieces = int(piece.max()) + 1
-        if pieces <= max(PLANAR_PIECES, len(corners) // 2):
-            return planar_charts(corners, piece, texel_size)
+    piece = flat_pieces(corners)
+    if piece is not None:
+        return planar_charts(corners, piece, texel_size)
     return mesh_charts(corners, texel_size, cache, unwrapper)
 
 
@@ -107,7 +100,11 @@ def _unwrap_object(scene: Scene, number: int, texel_size: float, cache: Path | N
         return _empty_map(int(members.sum()))
     corners = scene.corners[members]
     try:
-        charts = object_charts(corners, texel_size, cache, unwrapper)
+        section = scene.section[members]
+        if section[0] >= 0:
+            charts = planar_charts(corners, section, texel_size)
+        else:
+            charts = object_charts(corners, texel_size, cache, unwrapper)
     except KilledError as error:
         raise InputError(
             f"{scene.name}: object {scene.object_names[number]!r}: the process that makes its lightmap charts was "

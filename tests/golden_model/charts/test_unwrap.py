@@ -9,13 +9,14 @@ import pytest
 import trimesh
 
 from lightloom.golden_model.charts import curved
-from lightloom.golden_model.charts.planar import GAP, pack, planar_pieces
+from lightloom.golden_model.charts.planar import GAP, pack
 from lightloom.golden_model.charts.texels import texel_records
 from lightloom.golden_model.charts.unwrap import object_charts, unwrap
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.numerics.vectors import interpolate
 from lightloom.golden_model.scene.assemble import assemble
 from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.scene.flat_pieces import planar_pieces
 from lightloom.golden_model.scene.lightmap import (
     BURIED,
     EMPTY,
