@@ -1,7 +1,7 @@
 """Which neighbouring texels see each other, so that what goes from one to the other goes through no wall.
 
 Two texels beside each other in a chart are joined if a ray from just above the one to just above the other meets
-nothing that stands on the chart. Smoothing, windows, fills and coarser levels go along links only.
+nothing that stands on the chart. Smoothing, fills and coarser levels go along links only.
 """
 
 from dataclasses import replace

@@ -148,7 +148,9 @@ def barriers(found: Traces, low: np.ndarray, high: np.ndarray, texel_size: float
         sides.append(np.stack([middle + away, middle - away], axis=1)[seen])
     needed |= _ends_of(found, needed, THIN * texel_size)
     own = [sides[k] for k in np.flatnonzero(needed)]
-    return Barriers(found.take(needed), np.concatenate(over + own))
+    # The longest first: the ends of a wall then divide no more than what is under it.
+    order = np.argsort(-_length(found), kind="stable")
+    return Barriers(found.take(order[needed[order]]), np.concatenate(over + own))
 
 
 def _samples(

@@ -41,7 +41,7 @@ class Corners:
     place: list[np.ndarray] = field(default_factory=list)
     """(3,) float64 each, that float32 holds."""
     new: list[int] = field(default_factory=list)
-    """Numbers of those that the parts did not have."""
+    """Numbers of those that cuts have put into edges."""
     _known: dict[bytes, int] = field(default_factory=dict)
 
     def number(self, point: np.ndarray) -> int:
@@ -59,9 +59,8 @@ class Corners:
             away = np.abs(self.places(self.new) - point).max(axis=1)
             if away.min() < SAME * self.texel_size:
                 return self.new[int(away.argmin())]
-        before = len(self.place)
         number = self.number(point.astype(np.float32))
-        if number == before:
+        if number not in self.new:  # it may be there as a corner of another part
             self.new.append(number)
         return number
 

@@ -1,6 +1,4 @@
-"""Windows of 3 x 3 texels in lightmaps, for flags and bins of a few bits.
-
-Nothing reaches over a chart's border, or through what stands on it.
+"""Windows of 3 x 3 texels in lightmaps, for flags and bins of a few bits; nothing reaches over a chart's border.
 
 In hardware: the map's flags pass by row by row, with two rows held back (a line buffer of 2 x width entries), and each
 repetition of a window is one more such stage. In the model the neighbours are looked up.
@@ -8,34 +6,30 @@ repetition of a window is one more such stage. In the model the neighbours are l
 
 import numpy as np
 
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, joined
+from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 
 
 class Windows:
     """Neighbours of the N texels of lightmaps. Texels that are not valid have none and are nobody's."""
 
     def __init__(self, lightmaps: Lightmaps):
-        """From sizes, links and states of the maps."""
+        """From sizes, charts and states of the maps."""
         count = len(lightmaps.texels)
+        owner = lightmaps.texels["object"]
         texel = np.arange(count)
-        width = lightmaps.width[lightmaps.texels["object"]]
-        valid = np.append(lightmaps.texels["state"] == VALID, False)
-        right, down = joined(lightmaps)
+        row, column = np.divmod(texel - lightmaps.offset[owner], lightmaps.width[owner])
+        valid = lightmaps.texels["state"] == VALID
 
-        def neighbour(reached: np.ndarray, step: np.ndarray | int) -> np.ndarray:
-            other = np.where(reached, texel + step, count)
-            return np.where(valid[:-1] & valid[other], other, count)
+        def neighbour(inside: np.ndarray, step: np.ndarray | int) -> np.ndarray:
+            other = np.where(inside, texel + step, texel)
+            joined = inside & valid & valid[other] & (lightmaps.chart == lightmaps.chart[other])
+            return np.where(joined, other, count)
 
-        def before(reached: np.ndarray, step: np.ndarray | int) -> np.ndarray:
-            """Whether the texel `step` before is joined to each."""
-            other = np.maximum(texel - step, 0)
-            return (texel >= step) & reached[other]
-
-        self.left = neighbour(before(right, 1), -1)
+        self.left = neighbour(column > 0, -1)
         """The texel one column before, (N,) int64, N where there is none; so with the others."""
-        self.right = neighbour(right, 1)
-        self.up = neighbour(before(down, width), -width)
-        self.down = neighbour(down, width)
+        self.right = neighbour(column < lightmaps.width[owner] - 1, 1)
+        self.up = neighbour(row > 0, -lightmaps.width[owner])
+        self.down = neighbour(row < lightmaps.height[owner] - 1, lightmaps.width[owner])
 
     def largest(self, values: np.ndarray, times: int = 1) -> np.ndarray:
         """Values (N,) of an unsigned type to the largest of each 3 x 3 window; `times` over."""
