@@ -22,6 +22,7 @@ from lightloom.golden_model.rays.collector import Collector
 from lightloom.golden_model.rays.waves import Waves
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.scene.sides import firsts_first, sides_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,19 +77,21 @@ class Maintainer:
         self.selector = Selector(lightmaps, scene, policy)
         self._owner = lightmaps.texels["object"]
         self._maps = len(lightmaps.width)
+        self._side = sides_of(lightmaps)
         self._departures = np.zeros((2, self._maps), dtype=np.int8)
         """To which side the samples of each map departed from their averages, in the last two frames."""
 
     def prime(self, world: World, first: int, budget: int, collector: Collector, clock: Stopwatch) -> Waves[Primed]:
         """One round before the first frame: the texels from place `first` of the order on, as many as a frame pays for.
 
-        Of those that are there in `world`; after the last comes the first again, so `first` may be any number. They are
-        sampled anew: what earlier rounds found of them is dropped. Rounds from place 0 on all take the same rays, so
-        that their light can be compared.
+        First comes one of each side, because no other shows what it finds (`filling`), then the others; of those that
+        are there in `world`. After the last comes the first again, so `first` may be any number. They are sampled anew:
+        what earlier rounds found of them is dropped. Rounds from place 0 on all take the same rays, so that their light
+        can be compared.
         """
         if first == 0:
             self.state["number"] = 0
-        order = self.present(world)
+        order = firsts_first(self._side, self.present(world))
         waiting = np.roll(order, -(first % max(len(order), 1)))[: budget // self.sampling.directions]
         forget = partial(drop, self.state)
         spent = yield from self._spend(world, waiting, budget, 0, collector, clock, forget)

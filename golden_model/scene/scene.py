@@ -88,6 +88,8 @@ class Scene:
     """Texture of each material, (M,) int32, an index into `textures`; -1: none."""
     textures: tuple[np.ndarray, ...] = ()
     """Linear RGB, (H, W, 3) float32 each; row 0 is at the bottom, v = 0. The albedo multiplies them."""
+    section: np.ndarray
+    """Chart of each triangle in its object's map, (T,) int32, of an object that has been cut (`cuts`); -1 of others."""
     texture_uv: np.ndarray
     """Texture coordinates at the corners, (T, 3, 2) float32; 1 is the whole picture, which repeats."""
     material_object: np.ndarray

@@ -27,7 +27,7 @@ from lightloom.golden_model.contract.formats import COUNT_BITS, ONE_SAMPLE
 from lightloom.golden_model.maintenance.sampling.confidence import STALE
 from lightloom.golden_model.numerics.floats import fixed64_to_float, float_divide, float_to_half, half_to_float
 from lightloom.golden_model.numerics.logarithm import half_octaves
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
+from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, joined
 
 STEPS = (1, 2)
 """Distance of the neighbours in each pass."""
@@ -58,21 +58,36 @@ class Smoother:
     """The neighbours of all texels, and what smoothing makes of them. Made once a scene; tables of the hardware."""
 
     def __init__(self, lightmaps: Lightmaps):
-        """Of lightmaps at rest: neighbours are valid texels of the same chart whose normals are `ALIKE`."""
-        owner = lightmaps.texels["object"]
-        number = np.arange(len(owner))
-        width, height = lightmaps.width[owner].astype(np.int64), lightmaps.height[owner].astype(np.int64)
-        row, column = np.divmod(number - lightmaps.offset[owner], width)
+        """Of lightmaps at rest: neighbours are valid texels that are joined, whose normals are `ALIKE`.
+
+        Aslant they are joined by way of one of the two texels between.
+        """
+        number = np.arange(len(lightmaps.texels))
+        width = lightmaps.width[lightmaps.texels["object"]].astype(np.int64)
         valid, normal = lightmaps.texels["state"] == VALID, lightmaps.texels["normal"]
+        right, down = joined(lightmaps)
 
-        def other(dy: int, dx: int) -> np.ndarray:
-            there = (row + dy >= 0) & (row + dy < height) & (column + dx >= 0) & (column + dx < width)
-            beside = np.where(there, number + dy * width + dx, number)
-            linked = valid & valid[beside] & (lightmaps.chart == lightmaps.chart[beside])
-            linked &= (normal * normal[beside]).sum(axis=1) > ALIKE
-            return np.where(linked, beside, number)
+        def along(texel: np.ndarray, dy: int, dx: int) -> np.ndarray:
+            """The texel beside each of (N,) in a row or a column, -1 where they are not joined."""
+            step = width[np.maximum(texel, 0)] if dy else 1
+            other = np.where(texel >= 0, texel + (dy + dx) * step, -1)
+            first = np.minimum(texel, other)
+            reached = (first >= 0) & (down if dy else right)[np.maximum(first, 0)]
+            return np.where(reached & valid[np.clip(other, 0, len(valid) - 1)], other, -1)
 
-        one = np.stack([other(dy, dx) for dy, dx in _NEIGHBOURS], axis=1)
+        def beside(dy: int, dx: int) -> np.ndarray:
+            ways = [((dy, 0), (0, dx)), ((0, dx), (dy, 0))] if dy and dx else [((dy, dx),)]
+            ends = []
+            for way in ways:
+                end = np.where(valid, number, -1)
+                for step in way:
+                    end = along(end, *step)
+                ends.append(end)
+            other = np.where(ends[0] >= 0, ends[0], ends[-1])
+            alike = (normal * normal[np.maximum(other, 0)]).sum(axis=1) > ALIKE
+            return np.where((other >= 0) & alike, other, number)
+
+        one = np.stack([beside(dy, dx) for dy, dx in _NEIGHBOURS], axis=1)
         two = np.stack([one[one[:, k], k] for k in range(len(_NEIGHBOURS))], axis=1)
         # The texel between belongs to both: nothing goes over what stands there.
         reached = (one != number[:, None]) & (two != one)

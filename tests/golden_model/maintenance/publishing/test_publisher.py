@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from lightloom.golden_model.charts.buried import nearest_valid
 from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL, TEXEL_STATE
-from lightloom.golden_model.maintenance.publishing.publisher import Publisher, apply, publish, pull_push
+from lightloom.golden_model.maintenance.publishing.publisher import Publisher, apply, publish
 from lightloom.golden_model.scene.lightmap import BURIED, EMPTY, VALID, Lightmaps
 
 
@@ -69,18 +69,6 @@ def test_unsampled_texels_lie_between_their_neighbours_with_weight_zero() -> Non
     assert (out[:63, :3] <= 3).all()
     assert (out[:, 3] == count).all()
     assert not out[63:].any()
-
-
-def test_pull_push_keeps_what_is_known_and_a_constant() -> None:
-    rng = np.random.default_rng(2)
-    for height, width in ((1, 1), (1, 9), (16, 16), (13, 21)):
-        known = rng.random((height, width)) < 0.1
-        known[height // 2, width // 2] = True
-        values = np.where(known[..., None], np.float32(5), np.float32(-99))
-        assert (pull_push(values, known) == 5).all()
-        values = rng.normal(size=(height, width, 2)).astype(np.float32)
-        assert (pull_push(values, known)[known] == values[known]).all()
-    assert (pull_push(values, np.zeros_like(known)) == values).all(), "nothing is known: what was there stays"
 
 
 def ragged_maps(seed: int, sizes: list[tuple[int, int]]) -> Lightmaps:

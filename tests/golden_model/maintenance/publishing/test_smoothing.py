@@ -1,5 +1,6 @@
 """Smoothing of what is read of the maps: against a scalar twin, and for what it promises."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL_STATE
 from lightloom.golden_model.maintenance.publishing.publisher import Publisher, apply
 from lightloom.golden_model.maintenance.publishing.smoothing import REACH, Smoother
-from lightloom.golden_model.scene.lightmap import BURIED, VALID, Lightmaps
+from lightloom.golden_model.scene.lightmap import BURIED, DOWN, RIGHT, VALID, Lightmaps, joined
 from tests.exact import encode, float_divide
 from tests.golden_model.maintenance.publishing.test_publisher import maps_of, ragged_maps
 
@@ -58,7 +59,8 @@ class Twin:
         n = int(self.state["count"][p])
         return min(n, 16 * 16).bit_length() - 5 if n else -2
 
-    def beside(self, p: int, dy: int, dx: int) -> int | None:
+    def straight(self, p: int, dy: int, dx: int) -> int | None:
+        """The texel beside it in its row or column, if it is joined to that one."""
         maps = self.maps
         o = int(maps.texels["object"][p])
         row, column = divmod(p - int(maps.offset[o]), int(maps.width[o]))
@@ -66,8 +68,20 @@ class Twin:
             return None
         q = p + dy * int(maps.width[o]) + dx
         valid = (maps.texels["state"][[p, q]] == VALID).all() and maps.chart[p] == maps.chart[q]
-        alike = float(np.dot(maps.texels["normal"][p].astype(float), maps.texels["normal"][q].astype(float))) > 0.95
-        return q if valid and alike else None
+        linked = maps.links is None or bool(maps.links[min(p, q)] & (2 if dy else 1))
+        return q if valid and linked else None
+
+    def beside(self, p: int, dy: int, dx: int) -> int | None:
+        q = None
+        for way in ([(dy, 0), (0, dx)], [(0, dx), (dy, 0)]) if dy and dx else [[(dy, dx)]]:
+            end: int | None = p
+            for step in way:
+                end = None if end is None else self.straight(end, *step)
+            q = end if q is None else q
+        if q is None:
+            return None
+        normal = self.maps.texels["normal"].astype(float)
+        return q if float(np.dot(normal[p], normal[q])) > 0.95 else None
 
     def around(self, p: int, step: int) -> list[tuple[int, int]]:
         """Neighbours and their sixteenths; those two away by way of the one between."""
@@ -129,6 +143,10 @@ def rounded(total: int) -> int:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_it_is_what_a_scalar_twin_computes(seed: int) -> None:
     maps = ragged_maps(seed, SIZES)
+    if seed > 1:  # walls anywhere
+        some = np.random.default_rng(seed).random((2, len(maps.texels))) < 0.8
+        right, down = (a & b for a, b in zip(joined(maps), some, strict=True))
+        maps = replace(maps, links=(right * RIGHT + down * DOWN).astype(np.uint8))
     state, value = known(maps, seed)
     found = Smoother(maps).smoothed(value, state, np.arange(len(state)))
     wanted = Twin(maps, state, value).smoothed()
@@ -226,15 +244,21 @@ def test_well_known_texels_are_left_alone() -> None:
     assert (Smoother(maps).smoothed(level, state, np.arange(256)) == level).all()
 
 
-def test_nothing_crosses_charts_or_creases() -> None:
+def test_nothing_crosses_charts_walls_or_creases() -> None:
     maps, state, value = flat(16, 10, 0.5)
     left = np.arange(256) % 16 < 8
     other = value.copy()
     other[~left] = 30
-    for change in ("chart", "normal"):
+    for change in ("chart", "link", "normal"):
         if change == "chart":
             maps.chart[:] = left
+        elif change == "link":
+            maps.chart[:] = 0
+            right, down = joined(maps)
+            right[np.arange(256) % 16 == 7] = False
+            maps = replace(maps, links=(right * RIGHT + down * DOWN).astype(np.uint8))
         else:
+            maps = replace(maps, links=None)
             maps.chart[:] = 0
             maps.texels["normal"][left] = (0, 1, 0)
         one, two = (Smoother(maps).smoothed(v, state, np.flatnonzero(left)) for v in (value, other))
