@@ -25,7 +25,14 @@ from lightloom.golden_model.maintenance.maintainer import Maintainer, Maintenanc
 from lightloom.golden_model.maintenance.publishing.flip_chain import FlipChain
 from lightloom.golden_model.maintenance.publishing.publisher import Publisher
 from lightloom.golden_model.maintenance.publishing.smoothing import Smoother
-from lightloom.golden_model.maintenance.sampling.accumulate import at_rest, dark, fraction_bits, light_of, settled
+from lightloom.golden_model.maintenance.sampling.accumulate import (
+    at_rest,
+    brightness_of,
+    dark,
+    fraction_bits,
+    light_of,
+    settled,
+)
 from lightloom.golden_model.maintenance.sampling.gather import World
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.selection.policy import Policy
@@ -227,8 +234,8 @@ class Renderer:
                 continue
             first += len(primed.texels)
             if first // max(len(valid), 1) > len(sweeps):
-                sweeps.append(light_of(self.state["irradiance"][valid], self.fraction))
-                if at_rest(sweeps):
+                sweeps.append(brightness_of(self.state["irradiance"][valid], self.fraction))
+                if at_rest(sweeps, len(valid)):
                     break
         chain = FlipChain(published, self.pipeline.versions)
         nothing = np.zeros(0, dtype=np.int64)

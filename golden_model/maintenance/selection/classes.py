@@ -24,7 +24,8 @@ def class_table(policy: Policy) -> np.ndarray:
     points[..., 2:] += np.array(policy.change_points)[:, None]
     points[..., :2] += np.array(policy.hidden_change_points)[:, None]
     points += np.array(policy.variability_points)[:, None, None]
-    points += np.array(policy.need_points)[:, None, None, None]
+    points[..., 2:] += np.array(policy.need_points)[:, None, None, None]
+    points[..., :2] += np.array(policy.hidden_need_points)[:, None, None, None]
     points += np.array(policy.lod_points)[:, None, None, None, None]
     return np.clip(points, 0, CLASSES - 1).astype(np.uint8)
 

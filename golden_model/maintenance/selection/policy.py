@@ -1,8 +1,8 @@
 """The selection policy: every constant that decides which texels are sampled, by name and with its range.
 
-`POLICIES` are four of them, each with all that the one before has: "round-robin" takes all texels in turn,
-"visibility" prefers those that are seen ([0068] to [0070], [0074]), "variability" those whose values vary ([0072] to
-[0075]), "influence" those whose light changes ([0076] to [0083]).
+`POLICIES` are four of them: "round-robin" takes all texels in turn, "visibility" prefers those that are seen ([0068] to
+[0070], [0074]); beside that "variability" prefers those whose values vary ([0072] to [0075]), and "influence", the
+default, those whose light changes ([0076] to [0083]).
 """
 
 from dataclasses import dataclass, replace
@@ -64,7 +64,7 @@ class Policy:
 
     # --- variability: where light varies ([0058], [0072], [0073], [0075], FIG. 13 and 14) ---
     variability_bits: int = number(
-        2, 0, 2, "Of the variability map: 0 (there is none), 1 (low or high) or 2 (bins 0 to 3)."
+        0, 0, 2, "Of the variability map: 0 (there is none), 1 (low or high) or 2 (bins 0 to 3)."
     )
     across_frames: bool = flag(True, "Varies with the deviation between updates.")
     within_frame: bool = flag(True, "Varies with the spread of the rays of one update.")
@@ -163,18 +163,20 @@ class Policy:
         (1, 3, 6, 7), -15, 15, "For degrees 0 to 3; the sum is clipped to 0 to 15."
     )
     change_points: tuple[int, int, int, int] = number(
-        (0, 2, 3, 4), -15, 15, "For change levels 0 to 3 of texels of degree 2 and 3."
+        (0, 0, 1, 2), -15, 15, "For change levels 0 to 3 of texels of degree 2 and 3."
     )
     hidden_change_points: tuple[int, int, int, int] = number(
-        (0, 3, 5, 6), -15, 15, "For change levels 0 to 3 of the others: their light reaches the seen ones."
+        (0, 1, 2, 3), -15, 15, "For change levels 0 to 3 of the others: their light reaches the seen ones."
     )
     variability_points: tuple[int, int, int, int] = number((0, 1, 2, 3), -15, 15, "For bins 0 to 3.")
     need_points: tuple[int, int, int, int] = number(
-        (0, 1, 4, 2),
+        (0, 1, 4, 4),
         -15,
         15,
-        "For texels in order, not sampled for `old` frames, with fewer than `few` samples, never sampled: those "
-        "show what lies around them, with less noise than one sample of their own has.",
+        "For texels in order, not sampled for `old` frames, worth fewer than `few` samples, of which nothing is known.",
+    )
+    hidden_need_points: tuple[int, int, int, int] = number(
+        (0, 1, 1, 1), -15, 15, "The same for texels of degree 0 and 1."
     )
     lod_points: tuple[int, int, int, int] = number(
         (0, -2, -4, -6),
@@ -182,7 +184,7 @@ class Policy:
         15,
         "For levels of detail 0 to 3: -2 a level is a quarter of the samples a texel, the same number a pixel.",
     )
-    few: int = number(8, 1, 255, "Samples in the running average.")
+    few: int = number(3, 1, 255, "Samples that an average is worth.")
     old: int = number(64, 1, FRAMES // 2, "Frames since the last update, which are counted modulo 4096.")
 
     def __post_init__(self) -> None:
@@ -202,7 +204,7 @@ class Policy:
             raise InputError(f"policy sweep {self.sweep} and probe {self.probe}: together at most {SHARE}")
 
 
-_VISIBILITY = Policy(variability_bits=0, notice=False, influence="off", drift=False)
+_VISIBILITY = Policy(notice=False, influence="off", drift=False)
 _VARIABILITY = replace(_VISIBILITY, variability_bits=2)
 
 POLICIES = {
@@ -212,7 +214,7 @@ POLICIES = {
     "variability": _VARIABILITY,
     "influence": Policy(),
 }
-"""Policies by name, each with all that the one before has."""
+"""Policies by name: each has all that the one before has, but the map of variability is that of "variability" alone."""
 
 
 def policy_of(name: str) -> Policy:

@@ -70,6 +70,7 @@ def test_class_table_adds_points_and_stays_in_range() -> None:
         hidden_change_points=(0, 3, 5, 6),
         variability_points=(0, 1, 2, 3),
         need_points=(0, 1, 2, 4),
+        hidden_need_points=(0, 0, 1, 3),
         lod_points=(0, -2, -4, -6),
     )
     table = class_table(policy)
@@ -77,6 +78,8 @@ def test_class_table_adds_points_and_stays_in_range() -> None:
     assert table[0, 0, 0, 0].tolist() == [0, 1, 6, 7]
     assert table[0, 0, 0, 3].tolist() == [6, 7, 10, 11]  # hidden texels gain more from a change
     assert table[2, 0, 1, 0].tolist() == [0, 0, 3, 4]
+    assert table[0, :, 0, 0, 1].tolist() == [1, 1, 2, 4]
+    assert table[0, :, 0, 0, 2].tolist() == [6, 7, 8, 10]
     assert table[0, 3, 3, 3, 3] == 15
     assert table[3, 0, 0, 0, 0] == 0
 
