@@ -99,13 +99,14 @@ def brightness_of(irradiance: np.ndarray, fraction: int) -> int:
 
 
 def at_rest(sweeps: list[int], texels: int) -> bool:
-    """Whether so many texels, after each time that all were sampled anew, changed little the last time.
+    """Whether so many texels, after each time that all were sampled anew, changed little the last two times.
 
     `sweeps` has their brightness (`brightness_of`) each time. By less than 2**-REST_BITS half octaves on average, half
-    a per cent: that is what the noise of some thousand texels comes to. Logarithms, because a dark corner that light
-    comes to after many bounces says nothing in a sum beside the lamp.
+    a per cent: that is what the noise of some thousand texels comes to, so once may be chance. Logarithms, because a
+    dark corner that light comes to after many bounces says nothing in a sum beside the lamp.
     """
-    return len(sweeps) > 1 and abs(sweeps[-1] - sweeps[-2]) << REST_BITS < texels
+    last = sweeps[-3:]
+    return len(last) == 3 and max(last) - min(last) << REST_BITS < texels
 
 
 def irradiance(total: np.ndarray, fraction: np.ndarray | int) -> np.ndarray:

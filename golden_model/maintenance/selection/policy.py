@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from lightloom.golden_model.contract.formats import FRAMES
 from lightloom.golden_model.host.errors import InputError
-from lightloom.golden_model.host.parameters import check, choice, flag, number
+from lightloom.golden_model.host.parameters import check, choice, flag, number, powers_of_two, whole
 
 CLASSES = 16
 """Priority classes, 0 to 15: a texel of class c is sampled twice as often as one of class c - 1."""
@@ -150,6 +150,9 @@ class Policy:
     invalidate: bool = flag(False, "The first of these updates drops the old value instead (claim 14).")
 
     # --- how a frame's updates are shared out ---
+    together: int = whole(
+        4, powers_of_two(1, 64), "Texels of a region that follow each other in the order of turns, spread over it."
+    )
     sweep: int = number(
         48, 0, SHARE, "Share of the updates, in 1/256, that goes round all visible texels whatever their class."
     )

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lightloom.golden_model.contract.formats import LIKELY, RAY, SEEN
+from lightloom.golden_model.maintenance.publishing.regions import regions_of
 from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
 from lightloom.golden_model.maintenance.selection.selector import FrameContext, Plan, Selector, coarse_to_fine
 from lightloom.golden_model.maintenance.selection.visibility import Sight
@@ -69,6 +70,23 @@ def test_order_holds_every_valid_texel_once_coarse_first() -> None:
         rows, columns = np.divmod(whole[: 256 // lattice**2], 16)
         assert (rows % lattice == 0).all()
         assert (columns % lattice == 0).all()
+
+
+@pytest.mark.parametrize("together", [2, 4, 16, 64])
+def test_texels_of_a_region_follow_each_other_spread_over_it(together: int) -> None:
+    maps = maps_of([(24, 16), (9, 3)])
+    order = coarse_to_fine(maps, together)
+    assert sorted(order) == list(range(24 * 16 + 9 * 3))
+    region = regions_of(maps).of_texel[order]
+    changes = np.flatnonzero(np.diff(region)) + 1
+    runs = np.diff(np.concatenate([[0], changes, [len(order)]]))
+    whole = runs[np.isin(region[np.concatenate([[0], changes])], np.arange(6))]
+    assert (whole % together == 0).all(), "whole regions take their texels in groups"
+    first = order[:together]
+    assert (region[:together] == 0).all()
+    rows, _columns = np.divmod(first, 24)
+    apart = 8 // 2 ** ((together.bit_length() - 1) // 2)
+    assert (rows % apart == 0).all()
 
 
 def test_no_valid_texels() -> None:
