@@ -191,6 +191,32 @@ def test_a_wall_that_ends_leaves_two_sections_and_no_more() -> None:
         assert section.max() == 2, "left, right, and what is under the wall"
 
 
+def test_what_corners_and_triangles_have_is_carried_to_their_parts() -> None:
+    """Texture coordinates, normals and materials of a floor that a wall stands on."""
+    parts = [*room((-2, 0, -2), (2, 2, 2)), box("thin", (-0.01, 0, -1), (0.01, 1, 1))]
+    number = [part.name for part in parts].index("floor")
+    floor = parts[number]
+    along = np.float32([[2, 0], [0, 0], [0.5, 3]])
+    tilted = np.float32([0.28, 0.96, 0])
+    parts[number] = replace(
+        floor,
+        albedo=np.full((2, 3), 0.5, dtype=np.float32),
+        emission=np.zeros((2, 3), dtype=np.float32),
+        material=np.array([0, 1], dtype=np.int32),
+        normals=np.broadcast_to(tilted, (2, 3, 3)).copy(),
+        texture_uv=(floor.corners @ along).astype(np.float32),
+    )
+    made = cut_parts(parts, 0.1)[number]
+    assert made.section is not None
+    assert made.texture_uv is not None
+    assert made.normals is not None
+    assert np.abs(made.texture_uv - made.corners @ along).max() < 1e-5
+    assert np.abs(made.normals - tilted).max() < 1e-6
+    for material in (0, 1):
+        whole = areas(floor.corners)[material]
+        assert areas(made.corners)[made.material == material].sum() == pytest.approx(whole, rel=1e-6)
+
+
 def test_cuts_are_the_same_again() -> None:
     one, two = block_through_table(), block_through_table()
     assert (one.triangles == two.triangles).all()
