@@ -196,8 +196,8 @@ def test_what_corners_and_triangles_have_is_carried_to_their_parts() -> None:
     parts = [*room((-2, 0, -2), (2, 2, 2)), box("thin", (-0.01, 0, -1), (0.01, 1, 1))]
     number = [part.name for part in parts].index("floor")
     floor = parts[number]
-    along = np.float32([[2, 0], [0, 0], [0.5, 3]])
-    tilted = np.float32([0.28, 0.96, 0])
+    along = np.array([[2, 0], [0, 0], [0.5, 3]], dtype=np.float32)
+    tilted = np.array([0.28, 0.96, 0], dtype=np.float32)
     parts[number] = replace(
         floor,
         albedo=np.full((2, 3), 0.5, dtype=np.float32),
