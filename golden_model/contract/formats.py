@@ -491,6 +491,12 @@ TEXEL_MATCHED = np.dtype([("degree", bits(2)), ("lod", bits(2))])
 # count. A volume is the box from `low` to `high` with its reach beyond each side. A shadow is the box that may lie
 # between a texel and the light around `light`, of half the size `light_half`, by which the box is larger already. A
 # footprint is the ball around `low` of radius `reach_low`.
+CHANGE_LEVELS = 3
+"""The highest change level."""
+MOST_OCTAVES = 6
+"""The greatest `octaves`."""
+WHOLE_CHANGE = MOST_OCTAVES + 2 * (CHANGE_LEVELS - 1) + 1
+"""Expected changes are 0 to WHOLE_CHANGE: 0 is none, e is the 2**(WHOLE_CHANGE - e)-th part of the light."""
 INFLUENCE = np.dtype(
     [
         ("kind", bits(2)),

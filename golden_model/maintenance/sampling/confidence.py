@@ -2,15 +2,14 @@
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import COUNT_BITS, ONE_SAMPLE, RELATIVE_BITS
-from lightloom.golden_model.maintenance.selection.influence.reach import WHOLE
+from lightloom.golden_model.contract.formats import COUNT_BITS, ONE_SAMPLE, RELATIVE_BITS, WHOLE_CHANGE
 from lightloom.golden_model.numerics.logarithm import half_octaves
 
 STALE = ONE_SAMPLE // 4
 """What is worth less than this is stale: it is not shown where something fresh is near."""
 LEAST_NOISE, MOST_NOISE = 1 << RELATIVE_BITS - 5, 1 << RELATIVE_BITS - 1
 """Bounds of a sample's noise, in 256ths."""
-_UNIT_BITS = 2 * WHOLE - 2 * RELATIVE_BITS + 2 * (RELATIVE_BITS - 1) + COUNT_BITS
+_UNIT_BITS = 2 * WHOLE_CHANGE - 2 * RELATIVE_BITS + 2 * (RELATIVE_BITS - 1) + COUNT_BITS
 """The least change, of the noisiest texel, is worth 2**-_UNIT_BITS."""
 
 
@@ -28,8 +27,8 @@ def lower(state: np.ndarray, expected: np.ndarray) -> np.ndarray:
     count, change = state["count"][texel].astype(np.int64), expected[texel].astype(np.int64)
     noise = np.clip(state["spread"][texel].astype(np.int64) * 5 >> 3, LEAST_NOISE, MOST_NOISE)
     # In 16ths of a sample the average is left with count / (1 + count * 2**power), or a 16th where that is less.
-    power = 2 * (change - WHOLE) + 2 * RELATIVE_BITS - half_octaves(noise) - COUNT_BITS
+    power = 2 * (change - WHOLE_CHANGE) + 2 * RELATIVE_BITS - half_octaves(noise) - COUNT_BITS
     ratio = (1 << _UNIT_BITS) + (count << (power + _UNIT_BITS))
     left = np.maximum(((count << _UNIT_BITS + 1) + ratio) // (2 * ratio), 1)
-    state["count"][texel] = np.where(change == WHOLE, 0, left)
+    state["count"][texel] = np.where(change == WHOLE_CHANGE, 0, left)
     return texel[(count >= STALE) & (state["count"][texel] < STALE)]

@@ -98,7 +98,7 @@ class Plan:
     influence: np.ndarray
     """Change level by influence records, 0 to 3, (N,) uint8."""
     expected: np.ndarray
-    """Change that is expected in this frame by influence records, 0 to `reach.WHOLE`, (N,) uint8; 0 without `lower`."""
+    """Change that is expected in this frame by influence records, 0 to WHOLE_CHANGE, (N,) uint8; 0 without `lower`."""
     change: np.ndarray
     """Change level by influence, by what texels noticed, and by updates still to come after a change, (N,) uint8."""
     heavy: np.ndarray

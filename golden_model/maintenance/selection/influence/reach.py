@@ -6,8 +6,9 @@ float32, multiplications and comparisons.
 
 import numpy as np
 
+from lightloom.golden_model.contract.formats import CHANGE_LEVELS, WHOLE_CHANGE
 from lightloom.golden_model.maintenance.selection.influence.changes import Table, bounds
-from lightloom.golden_model.maintenance.selection.influence.volumes import FOOTPRINT, LEVELS, MOST_OCTAVES, SHADOW
+from lightloom.golden_model.maintenance.selection.influence.volumes import FOOTPRINT, SHADOW
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.vectors import dot
@@ -16,10 +17,6 @@ from lightloom.golden_model.scene.scene import Scene
 
 _PARTS = (np.float32(1), np.float32(0.5), np.float32(0.25))
 """Of the reach, for levels 1, 2, 3: half the distance is four times the effect."""
-
-
-WHOLE = MOST_OCTAVES + 2 * (LEVELS - 1) + 1
-"""Of `texel_changes`."""
 
 
 def loose_bounds(table: Table, scene: Scene, policy: Policy) -> np.ndarray:
@@ -53,10 +50,10 @@ def touched(records: np.ndarray, boxes: np.ndarray) -> np.ndarray:
 def texel_changes(
     records: np.ndarray, boxes: np.ndarray, lightmaps: Lightmaps, valid: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Change levels 0 to 3 of texels, and how much change is expected, 0 to WHOLE: (N,) uint8 each.
+    """Change levels 0 to 3 of texels, and how much change is expected, 0 to WHOLE_CHANGE: (N,) uint8 each.
 
     The highest of all INFLUENCE (K,) that reach their map and them. 0: none is expected, e: light changes by its
-    2**(WHOLE - e)-th part in this frame, WHOLE: nothing that is known of it is worth anything.
+    2**(WHOLE_CHANGE - e)-th part in this frame, WHOLE_CHANGE: nothing that is known of it is worth anything.
 
     `boxes` (O, 2, 3) are the loose bounds of the maps, `valid` (N,) bool the texels that count.
     """
@@ -65,7 +62,9 @@ def texel_changes(
         chosen = np.flatnonzero(valid & maps[lightmaps.texels["object"]])
         level = _reached(record, lightmaps.texels[chosen])
         # A level is four times the effect of the one below.
-        change = np.where(level > 0, WHOLE - 2 * (LEVELS - level.astype(np.int64)) - int(record["octaves"]), 0)
+        change = np.where(
+            level > 0, WHOLE_CHANGE - 2 * (CHANGE_LEVELS - level.astype(np.int64)) - int(record["octaves"]), 0
+        )
         levels[chosen] = np.maximum(levels[chosen], level)
         expected[chosen] = np.maximum(expected[chosen], change)
     return levels, expected

@@ -11,7 +11,7 @@ rounded once. `golden_model.maintenance.selection.influence.reach` compares them
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import INFLUENCE
+from lightloom.golden_model.contract.formats import CHANGE_LEVELS, INFLUENCE, MOST_OCTAVES
 from lightloom.golden_model.maintenance.selection.influence.changes import (
     PI,
     Box,
@@ -31,16 +31,10 @@ from lightloom.golden_model.scene.scene import Scene
 VOLUME, SHADOW, FOOTPRINT = range(3)
 """Kinds of INFLUENCE records."""
 
-LEVELS = 3
-"""Change levels: an effect of `influence_least`, of 4 and of 16 times that."""
-
 LOOSE = 3
 """Octaves by which bounds of what an object reflects, hides or shadows are larger than what it is seen to change …"""
 TIGHT = -1
 """… and bounds of what a light brings, at the highest level, which has no upper bound."""
-MOST_OCTAVES = 6
-"""The least change that is expected, in octaves below the whole: of LOOSE bounds, and of motion that adds up slowly."""
-
 JOINED_LEVEL = 1
 """The change level of what stands for several changes."""
 
@@ -86,8 +80,8 @@ def octaves_of(part: float, sudden: float, bounds: int) -> int:
     `part` of it changes over the frames that an average remembers and `sudden` of it in this one, so `part / sudden` is
     1 to `influence_memory`; of the bound itself `bounds` octaves are to be believed less.
     """
-    frames = int(np.floor(np.log2(part / sudden))) if part > sudden else 0
-    return int(np.clip(frames + bounds, 0, MOST_OCTAVES))
+    frames = sum(part >= sudden * (1 << octave) for octave in range(1, MOST_OCTAVES + 1))
+    return min(max(frames + bounds, 0), MOST_OCTAVES)
 
 
 def usual_light(table: Table, *frames: list[Source]) -> float:
@@ -163,7 +157,7 @@ def _shadow(item: Moved, light: Source, policy: Policy) -> np.ndarray:
     """
     box, half = item.swept, (light.box.high - light.box.low) / 2
     part = remembered(item.motion, policy)
-    level = min(level_of(part, policy) + 1, LEVELS)
+    level = min(level_of(part, policy) + 1, CHANGE_LEVELS)
     out = _record(SHADOW, item.object, Box(low=box.low - half, high=box.high + half), level)
     out["octaves"] = octaves_of(part, item.motion, LOOSE)
     out["light"], out["light_half"] = (light.box.low + light.box.high) / 2, half

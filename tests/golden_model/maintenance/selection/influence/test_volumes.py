@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lightloom.golden_model.contract.formats import INFLUENCE, TEXEL
+from lightloom.golden_model.contract.formats import INFLUENCE, TEXEL, WHOLE_CHANGE
 from lightloom.golden_model.maintenance.selection.influence.changes import bounds, moved_objects, sources, table_of
 from lightloom.golden_model.maintenance.selection.influence.footprints import footprints
-from lightloom.golden_model.maintenance.selection.influence.reach import WHOLE, loose_bounds, texel_changes, touched
+from lightloom.golden_model.maintenance.selection.influence.reach import loose_bounds, texel_changes, touched
 from lightloom.golden_model.maintenance.selection.influence.volumes import (
     FOOTPRINT,
     SHADOW,
@@ -71,12 +71,12 @@ def test_expected_changes_fall_by_four_a_level_and_the_largest_counts() -> None:
     octaves = int(records["octaves"][0])
     assert set(zip(level.tolist(), expected.tolist(), strict=True)) == {
         (0, 0),
-        *((k, WHOLE - octaves - 2 * (3 - k)) for k in (1, 2, 3)),
+        *((k, WHOLE_CHANGE - octaves - 2 * (3 - k)) for k in (1, 2, 3)),
     }
     both = np.concatenate([records, records[:1]])
     both["octaves"][-1] = 0
     most = texel_changes(both, boxes, STAGE.lightmaps, valid)[1]
-    assert most.max() == WHOLE
+    assert most.max() == WHOLE_CHANGE
     assert (most >= expected).all()
 
 
