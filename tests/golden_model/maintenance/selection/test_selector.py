@@ -227,7 +227,7 @@ def test_variable_new_old_and_changed_texels_are_sampled_more() -> None:
     assert more("spread", 4000) > 3
     assert more("count", 0) > 1.8
     assert more("count", 4) > 4
-    assert more("heavy", 3) > 4
+    assert more("heavy", 3) > 2, "two points are four times the rate, until all of a class are taken"
     assert more("frame", 4000) > 1.2
     assert more("deviation", 4000, POLICIES["visibility"]) == pytest.approx(1, abs=0.3)
 
@@ -263,7 +263,9 @@ def test_sampling_spreads_around_texels_that_noticed_a_change() -> None:
     assert one.change.max() == 1
     assert not one.heavy.any()
     two = plan([middle, middle + 1])
-    assert two.priority[middle + 2] > two.priority[middle + 20]
+    before = plan([]).priority
+    assert (two.priority[[middle - 1, middle, middle + 2]] > before[[middle - 1, middle, middle + 2]]).all()
+    assert two.priority[middle + 20] == before[middle + 20]
     assert np.flatnonzero(two.heavy).tolist() == [middle, middle + 1]
     assert [(two.change >= level).sum() for level in (3, 2, 1)] == [2, 5 * 6, 9 * 10]
     alone = plan([middle], replace(policy, notice_votes=1))

@@ -144,7 +144,7 @@ def test_where_the_map_changes_the_guard_is_wider_for_that_frame() -> None:
 def test_nothing_is_widened_over_the_border_of_a_chart() -> None:
     maps = maps_of([(20, 12), (3, 3)])
     maps.chart[:240].reshape(12, 20)[:, 10:] = 5
-    measured = Variability(maps, Windows(maps), replace(Policy(variability_bits=2, ), dilation=3, guard=2, rings=3))
+    measured = Variability(maps, Windows(maps), replace(Policy(variability_bits=2), dilation=3, guard=2, rings=3))
     bins = measured.look(state_with("spread", 4095, 20 * 6 + 9), None, VALID)
     image = bins[:240].reshape(12, 20)
     assert (image[:, 9] > 0).all()
