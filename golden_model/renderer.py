@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from lightloom.golden_model.charts.unwrap import unwrap
-from lightloom.golden_model.frame.compositor import blend_frame
+from lightloom.golden_model.frame.compositor import blend_frame, show_beyond
 from lightloom.golden_model.frame.frame_rays import FrameRayFigures, FrameRays, FrameShading
 from lightloom.golden_model.frame.rasterizer import Mesh, RasterFigures, Rasterization, draw
 from lightloom.golden_model.host.errors import InputError
@@ -335,6 +335,7 @@ class Renderer:
         seed, options = self.seed, self.pipeline.shading
         with clock("shade pixels"):
             raster = self._fragments(surfaces, drawn)
+            show_beyond(raster, drawn.scene.environment, drawn.view, drawn.gbuffer)
             rays = FrameRays(
                 surfaces,
                 drawn.view,

@@ -208,7 +208,10 @@ class FrameRays:
         options, onward, coarse = self.options, specular.onward, self.options.coarse_specular
         hits = collector.hits(specular.ticket)
         both = self._bounce < options.split
-        shaded = shade_rays(self._surfaces, onward.rays, hits, onward.key, emission=True, both=both, coarse=coarse)
+        beyond = self._surfaces.scene.environment.seen
+        shaded = shade_rays(
+            self._surfaces, onward.rays, hits, onward.key, emission=True, beyond=beyond, both=both, coarse=coarse
+        )
         self.buffer.add(specular.pixel, flush(specular.weight * shaded.radiance))
         if options.direct == "rays" and len(self._lights):
             key = hash_u32(onward.key, _BEYOND)

@@ -14,6 +14,7 @@ that of the outside. Light that goes through takes on the tint at each passage; 
 not scaled by the square of the index: on the way out of a closed body the factors cancel.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +31,9 @@ from lightloom.golden_model.scene.parts import DIFFUSE, GLASS
 from lightloom.golden_model.scene.scene import Scene
 
 _REFLECTED, _REFRACTED = 1, 2  # what a path's key is hashed with
+
+Beyond = Callable[[np.ndarray], np.ndarray]
+"""Directions (N, 3) float32, of any length, to the radiance that comes from beyond the scene, (N, 3) float32."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,14 +88,15 @@ def shade_rays(
     key: np.ndarray,
     *,
     emission: bool,
+    beyond: Beyond | None = None,
     both: bool = False,
     coarse: bool = False,
 ) -> Shaded:
     """Shades RAY (N,) with their HIT (N,), of the coarse geometry where `coarse`.
 
     Diffuse surfaces bring what their lightmap holds; `emission` says whether what shines counts as well: not where
-    shadow rays have brought it already, always behind mirrors and glass, which shadow rays cannot pass. Misses and
-    backs of diffuse surfaces bring nothing.
+    shadow rays have brought it already, always behind mirrors and glass, which shadow rays cannot pass. Misses
+    bring what lies `beyond` the scene in their directions; without it, and as backs of diffuse surfaces do, nothing.
 
     At glass a ray is followed by the reflected and the refracted one where `both`; else by one of them, chosen by
     chance as the Fresnel reflectance has it, so that its weight is that of the tint alone. `key` (N,) uint32 is what
@@ -104,6 +109,9 @@ def shade_rays(
     radiance[struck] = diffuse_radiance(surfaces, hit, coarse=coarse)
     if emission:
         radiance[struck] = add(radiance[struck], emitted(scene, hit["primitive"], hit["front"]))
+    if beyond is not None:
+        missed = np.flatnonzero(hits["primitive"] < 0)
+        radiance[missed] = beyond(rays["direction"][missed])
     specular = scene.surface[scene.material[hit["primitive"]]] != DIFFUSE
     parent, hit = struck[specular], take(hit, specular)
     tint = albedo_at(surfaces, scene, hit)

@@ -113,7 +113,7 @@ class Scene:
     present: np.ndarray
     """(O,) bool. The triangles of an absent object have NaN vertices: no ray and no pixel meets them."""
     environment: Environment = field(default_factory=Environment)
-    """Where it lies. Nothing is lit by it yet: what renders refuses a scene that has one (`require_light`)."""
+    """What it lies in."""
     render: RenderDefaults = field(default_factory=RenderDefaults)
     """How it is meant to be rendered."""
     coarse: "Scene | None" = None
@@ -210,6 +210,14 @@ class Scene:
         return out
 
     @functools.cached_property
+    def half_extent(self) -> float:
+        """Half of the longest side of the box around all triangles at rest."""
+        if self.rest is not None:
+            return self.rest.half_extent
+        corners = self.corners.reshape(-1, 3)
+        return float((corners.max(axis=0) - corners.min(axis=0)).max()) / 2
+
+    @functools.cached_property
     def spans(self) -> np.ndarray:
         """What the distance at which rays start goes with, of each triangle: (T,) float32, the same in all frames."""
         return spans(self.corners) if self.rest is None else self.rest.spans
@@ -229,11 +237,9 @@ class Scene:
 
 
 def require_light(scene: Scene) -> None:
-    """Raises InputError where nothing in the scene shines in any frame, or something that cannot be rendered yet."""
-    if scene.environment:
-        raise InputError(f"{scene.name}: nothing can be lit by a [sky] or [sun] yet; leave them out")
-    if not (scene.brightest or scene.brightest_lights):
+    """Raises InputError where nothing in the scene shines in any frame."""
+    if not (scene.brightest or scene.brightest_lights or scene.environment.shines):
         raise InputError(
             f"{scene.name}: the scene has no light; give a material emission (MTL: Ke, glTF: emissiveFactor) "
-            "or write a scene file (TOML) with a [[point_light]]"
+            "or write a scene file (TOML) with a [[point_light]] or a [sky]"
         )
