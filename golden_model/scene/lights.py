@@ -1,7 +1,7 @@
 """Direct light: samples of lights, as shadow rays and what each brings if nothing is in its way.
 
-There are area lights, point lights, the sun, and the sky where that is worth it (`SkyTable.sampled`). What lies beyond
-the scene is a direction instead of a place: its rays have no end.
+There are area lights, point lights (with a cone: spot lights), the sun, and the sky where that is worth it
+(`SkyTable.sampled`). What lies beyond the scene is a direction instead of a place: its rays have no end.
 
 The irradiance at a point is the sum of the weights of the shadow rays that are not blocked. Rays and weights come
 first, so that the caller can count rays against a budget, trace them together with others, and add up afterwards.
@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import RAY
+from lightloom.golden_model.contract.formats import CONE, RAY
 from lightloom.golden_model.numerics.counter_rng import hash_u32, uniform
 from lightloom.golden_model.numerics.directions import COUNT, cosine_table, sobol, tangent_of
-from lightloom.golden_model.numerics.floats import flush, quiet
+from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.vectors import add, cross, scale, subtract
 from lightloom.golden_model.numerics.vectors import dot as dot4
 from lightloom.golden_model.scene.environment import Sun
@@ -60,6 +60,8 @@ class Lights:
     emitted: np.ndarray
     """Radiance of a triangle or the sun (irradiance if it has no size), radiant intensity of a point light; (K, 3)
     float32, zero for the sky."""
+    cone: np.ndarray | None
+    """CONE (K,), all around for what is no spot light; None where there is none."""
     begin: np.ndarray
     """A light k is chosen for whole numbers begin[k] <= x < begin[k + 1], (K + 1,) uint64."""
     share: np.ndarray
@@ -88,7 +90,8 @@ def lights_of(scene: Scene, sky_side: int = TABLE_SIDE) -> Lights:
     emission = scene.emission[scene.material]
     shining = np.flatnonzero((emission > 0).any(axis=1))
     corners = scene.corners[shining]
-    points = scene.point_lights[(scene.point_lights["intensity"] > 0).any(axis=1)]
+    lit = (scene.point_lights["intensity"] > 0).any(axis=1)
+    points, cones = scene.point_lights[lit], scene.cones[lit] if len(scene.cones) else None
     sky, distant = _distant(scene, sky_side)
     nothing = np.zeros((len(points), 3), dtype=np.float32)
     none = np.zeros((len(points) + len(distant), 3), dtype=np.float32)
@@ -98,7 +101,7 @@ def lights_of(scene: Scene, sky_side: int = TABLE_SIDE) -> Lights:
     emitted = np.concatenate([emission[shining], points["intensity"]]).astype(np.float32)
 
     vectors = area_vectors(corners)
-    size = np.concatenate([np.sqrt(dot(vectors, vectors)) / 2, np.full(len(points), 4.0)])
+    size = np.concatenate([np.sqrt(dot(vectors, vectors)) / 2, _balls(points, cones)])
     power = np.concatenate([size * luminance(emitted.astype(np.float64)), [each.power for each in distant]])
     begin = _begin(power)
     kind = [TRIANGLE] * len(shining) + [POINT] * len(points) + [each.kind for each in distant]
@@ -118,12 +121,35 @@ def lights_of(scene: Scene, sky_side: int = TABLE_SIDE) -> Lights:
         unit=np.concatenate([unit.astype(np.float32), none]),
         span=np.concatenate([scene.spans[shining], none[:, 0]]),
         emitted=_rows(emitted, [each.emitted for each in distant]),
+        cone=None if cones is None else _all_around(len(shining), cones, len(distant)),
         begin=begin,
         share=share.astype(np.float32),
         of_triangle=of_triangle,
         sun=sun if sun is not None and sun.radius > 0 else None,
         sky=sky,
     )
+
+
+def light_count(scene: Scene) -> int:
+    """The lights that a scene has in any frame, K at most."""
+    shining = int((scene.emission[scene.material] > 0).any(axis=1).sum())
+    return shining + len(scene.point_lights) + len(_distant(scene, TABLE_SIDE)[1])
+
+
+def _balls(points: np.ndarray, cones: np.ndarray | None) -> np.ndarray:
+    """What power goes with for POINT_LIGHT (P,): 4, and of a spot light the part of all directions that it has."""
+    if cones is None:
+        return np.full(len(points), 4.0)
+    middle = cones["outer"].astype(np.float64) + 0.5 / cones["steepness"].astype(np.float64)
+    return np.where(cones["axis"].any(axis=1), 2 * (1 - middle), 4.0)
+
+
+def _all_around(before: int, cones: np.ndarray, after: int) -> np.ndarray:
+    """CONE (P,) between so many lights that are no spot lights."""
+    out = np.zeros(before + len(cones) + after, dtype=CONE)
+    out["outer"], out["steepness"] = -1, 1
+    out[before : before + len(cones)] = cones
+    return out
 
 
 def _rows(*parts: np.ndarray | list[np.ndarray]) -> np.ndarray:
@@ -284,8 +310,22 @@ def _transfer(lights: Lights, light: np.ndarray, toward: np.ndarray, normal: np.
     share = lights.share[light]
     if lights.sky is not None and lights.sky.sampled:
         share = np.where(kind == SKY, flush(share * lights.sky.share_at(toward)), share)
+    if lights.cone is not None:
+        share = flush(share * _into_cone(lights.cone[light], flush(toward * outgoing[..., None])))
     factor = flush(flush(incoming * outgoing) * share)
     return np.where((incoming > 0) & (outgoing > 0) & np.isfinite(factor), factor, np.float32(0))
+
+
+@quiet
+def _into_cone(cone: np.ndarray, toward: np.ndarray) -> np.ndarray:
+    """What CONE (...) leave of the light that comes from where unit vectors `toward` (..., 3) lead: 0 to 1, (...).
+
+    x**2 (3 - 2 x) across the edge, x its part of the way from the outer cosine to the inner one.
+    """
+    zero, one = np.zeros(1, dtype=np.float32), np.ones(1, dtype=np.float32)
+    place = flush(flush(-dot4(cone["axis"], toward) - cone["outer"]) * cone["steepness"])
+    place = float_minmax(float_minmax(place, zero, True), one)
+    return flush(flush(place * place) * flush(np.float32(3) - flush(place + place)))
 
 
 @quiet

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import POINT_LIGHT
+from lightloom.golden_model.contract.formats import CONE, POINT_LIGHT
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.scene.environment import Environment
 from lightloom.golden_model.scene.keyframes import LightPath, ObjectPath, segment
@@ -94,6 +94,8 @@ class Scene:
     """Object of each material, (M,) int32: every object has materials of its own."""
     point_lights: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=POINT_LIGHT))
     """POINT_LIGHT (P,)."""
+    cones: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=CONE))
+    """What each point light shines into, CONE (P,); empty where none is a spot light."""
     camera: Camera
     """Of a frame's scene its camera; of the scene at rest where it is seen from if there is no path."""
     camera_path: tuple[Keyframe, ...] = ()

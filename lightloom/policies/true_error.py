@@ -98,7 +98,12 @@ def _key(scene: Scene, gbuffer: np.ndarray, samples: int) -> str:
     """A name for the light of a frame, what its pixels see of it, the number of paths and the program."""
     digest = hashlib.sha256()
     arrays = (scene.triangles, scene.normals, scene.material, scene.albedo, scene.emission, scene.point_lights)
-    for array in (*arrays, *scene.environment.arrays, *(gbuffer[name] for name in ("primitive", "u", "v", "front"))):
+    for array in (
+        *arrays,
+        scene.cones,
+        *scene.environment.arrays,
+        *(gbuffer[name] for name in ("primitive", "u", "v", "front")),
+    ):
         digest.update(f"{array.shape} {array.dtype}\n".encode() + np.ascontiguousarray(array).tobytes())
     return key_of(fingerprint(oracle.__name__), str(SEEDS), str(samples), digest.hexdigest())
 
