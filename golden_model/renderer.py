@@ -36,7 +36,7 @@ from lightloom.golden_model.rays.surface_shading import Surfaces, ray_weights, r
 from lightloom.golden_model.rays.waves import Waves, run_together
 from lightloom.golden_model.scene.coarse_geometry import coarse_links, fine_triangles
 from lightloom.golden_model.scene.light_unit import in_unit, light_exponent
-from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.scene.lightmap import Lightmaps, back_rows_of
 from lightloom.golden_model.scene.lights import Lights, lights_of
 from lightloom.golden_model.scene.pinhole import View, look_at
 from lightloom.golden_model.scene.pose import moved_records, scene_at
@@ -374,6 +374,7 @@ class Renderer:
             normals=scene.normals,
             object_id=scene.object_id,
             lightmap_uv=self.lightmaps.uv,
+            back_rows=back_rows_of(self.lightmaps, scene),
             texture_uv=texel_coordinates(scene, np.arange(len(scene.triangles))) if textured else None,
         )
 

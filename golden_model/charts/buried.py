@@ -31,7 +31,8 @@ def find_buried(lightmaps: Lightmaps, scene: Scene, trace: Trace) -> Lightmaps:
     """Marks valid texels that lie inside or under other geometry as BURIED, and renews `fill`.
 
     From inside a closed surface all rays meet its back; three quarters of them are asked for, so that the inside of an
-    open pot, which can be seen, counts as valid, and a lamp close under a ceiling hides the texels behind it.
+    open pot, which can be seen, counts as valid, and a lamp close under a ceiling hides the texels behind it. The backs
+    of two-sided triangles hide nothing.
 
     Where objects move, what hides a texel in one frame may not in another. So there only what never moves against the
     texel can bury it: the still objects those of each other, a moving body its own (`Scene.bodies`, at rest).
@@ -43,7 +44,8 @@ def find_buried(lightmaps: Lightmaps, scene: Scene, trace: Trace) -> Lightmaps:
             chosen = mine[begin : begin + BATCH // RAYS]
             rays = hemisphere_rays(texels[chosen], cosine_table()[:RAYS])
             hits = tracer(rays.reshape(-1)).reshape(len(chosen), RAYS)
-            backs = ((hits["primitive"] >= 0) & ~hits["front"]).sum(axis=1)
+            met, material = hits["primitive"] >= 0, scene.material[np.maximum(hits["primitive"], 0)]
+            backs = (met & ~hits["front"] & ~scene.two_sided[material]).sum(axis=1)
             texels["state"][chosen[backs >= MOST]] = BURIED
     return replace(lightmaps, texels=texels, fill=nearest_valid(lightmaps, texels["state"]))
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from lightloom.golden_model.charts.buried import find_buried, nearest_valid
 from lightloom.golden_model.charts.curved import mesh_charts
-from lightloom.golden_model.charts.planar import ObjectCharts, planar_charts, planar_pieces
+from lightloom.golden_model.charts.planar import GAP, ObjectCharts, planar_charts, planar_pieces
 from lightloom.golden_model.charts.read_levels import deepest_levels
 from lightloom.golden_model.charts.texels import MARGIN, texel_records, unit
 from lightloom.golden_model.charts.unwrap_process import KilledError, Unwrapper
@@ -34,6 +34,7 @@ class _Object:
     charts: ObjectCharts
     texels: np.ndarray
     chart: np.ndarray
+    back_rows: int = 0
 
 
 def unwrap(
@@ -59,6 +60,7 @@ def unwrap(
         )
     with Unwrapper() as unwrapper:
         objects = [_unwrap_object(scene, k, size, cache, unwrapper) for k in range(len(scene.object_names))]
+    back_rows = np.array([item.back_rows for item in objects], dtype=np.int32)
     width = np.array([item.charts.width for item in objects], dtype=np.int32)
     height = np.array([item.charts.height for item in objects], dtype=np.int32)
     count = width.astype(np.int64) * height
@@ -67,7 +69,9 @@ def unwrap(
 
     texels = np.concatenate([item.texels for item in objects]).astype(TEXEL)
     texels["object"] = np.repeat(np.arange(len(objects)), count)
-    charts_before = np.cumsum([0, *(int(item.charts.chart.max()) + 1 for item in objects)])
+    sides = [1 + (item.back_rows > 0) for item in objects]
+    charts = [int(item.charts.chart.max()) + 1 for item in objects]
+    charts_before = np.cumsum([0, *(count * k for count, k in zip(charts, sides, strict=True))])
     lightmaps = Lightmaps(
         width=width,
         height=height,
@@ -81,6 +85,7 @@ def unwrap(
             ]
         ).astype(np.int32),
         fill=np.full(len(texels), -1, dtype=np.int32),
+        back_rows=back_rows if back_rows.any() else None,
     )
     if trace is not None:
         lightmaps = find_buried(lightmaps, scene, trace)
@@ -124,7 +129,42 @@ def _unwrap_object(scene: Scene, number: int, texel_size: float, cache: Path | N
     texels, chart = texel_records(
         corners, scene.normals[members], charts.uv, charts.chart, charts.width, charts.height, span, margin
     )
-    return _Object(charts, texels, chart)
+    front = _Object(charts, texels, chart)
+    two_sided = scene.two_sided[scene.material[members]]
+    return _with_back(front, corners, scene.normals[members], two_sided, span, margin) if two_sided.any() else front
+
+
+def _with_back(
+    front: _Object,
+    corners: np.ndarray,
+    normals: np.ndarray,
+    two_sided: np.ndarray,
+    span: np.ndarray,
+    margin: np.ndarray,
+) -> _Object:
+    """A map with texels for the backs of the triangles that are `two_sided` (F,), below those of the fronts.
+
+    They lie at the same places of the surface, on its other side, in charts of their own.
+    """
+    charts, turned = front.charts, [0, 2, 1]
+    texels, chart = texel_records(
+        corners[two_sided][:, turned],
+        -normals[two_sided][:, turned],
+        charts.uv[two_sided][:, turned],
+        charts.chart[two_sided],
+        charts.width,
+        charts.height,
+        span[two_sided],
+        margin[two_sided],
+    )
+    gap = GAP * charts.width
+    behind = np.where(chart >= 0, chart + charts.chart.max() + 1, -1)
+    return _Object(
+        replace(charts, height=2 * charts.height + GAP),
+        np.concatenate([front.texels, np.zeros(gap, dtype=TEXEL), texels]),
+        np.concatenate([front.chart, np.full(gap, -1, dtype=np.int32), behind]).astype(np.int32),
+        charts.height + GAP,
+    )
 
 
 def _empty_map(faces: int) -> _Object:

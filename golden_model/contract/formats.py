@@ -312,7 +312,8 @@ TEXEL = np.dtype(
 # infinity and the rest zero). u and v are barycentric as in HIT, `depth` is the distance along the view axis, `normal`
 # the interpolated one (unit length), `lightmap` the coordinates in texels of the object's map, `lod` the base-2
 # logarithm of texels per pixel in 1/256ths. `texture` and `texture_lod` are the same for the texture (texels of its
-# finest level), zero in a scene without textures.
+# finest level), zero in a scene without textures. Where the back of a two-sided triangle is seen, `lightmap` and
+# `normal` are those of that side.
 GBUFFER = np.dtype(
     [
         ("primitive", I4),

@@ -145,7 +145,7 @@ class FrameRays:
         if len(specular):
             self._material_rays(view, take(flat, specular), specular, hash_u32(specular, seed, frame, _SPECULAR))
         if self.options.direct == "rays" and len(lights):
-            diffuse = seen[(surface == DIFFUSE) & flat["front"][seen]]
+            diffuse = seen[scene.reflects(flat["primitive"][seen], flat["front"][seen])]
             self._occlusion_rays(take(flat, diffuse), diffuse, hash_u32(diffuse, seed, _SHADOW), frame)
 
     def _material_rays(self, view: View, fragment: np.ndarray, pixel: np.ndarray, key: np.ndarray) -> None:

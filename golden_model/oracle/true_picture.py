@@ -36,11 +36,11 @@ def true_picture(
 ) -> np.ndarray:
     """Reflected radiance of the pixels of GBUFFER (H, W), (H, W, 3) float32, from `samples` paths a pixel.
 
-    Of a frame's scene (`scene_at`), which `trace` traces. Emission is left out, and the backs of triangles reflect
-    nothing, as in the frame loop. `progress` as for `irradiance`.
+    Of a frame's scene (`scene_at`), which `trace` traces. Emission is left out, and the backs of triangles that are not
+    two-sided reflect nothing, as in the frame loop. `progress` as for `irradiance`.
     """
     flat = gbuffer.reshape(-1)
-    pixel = np.flatnonzero((flat["primitive"] >= 0) & flat["front"])
+    pixel = np.flatnonzero((flat["primitive"] >= 0) & scene.reflects(np.maximum(flat["primitive"], 0), flat["front"]))
     hits = np.zeros(len(pixel), dtype=HIT)
     for name in ("primitive", "u", "v", "front"):
         hits[name] = flat[name][pixel]

@@ -227,13 +227,13 @@ def direct_light(
     first: np.ndarray | int = 0,
     samples: int = 1,
 ) -> Direct:
-    """The shadow rays of HIT (N,) that lie on the front of diffuse surfaces, with the irradiance that each brings.
+    """The shadow rays of HIT (N,) that lie on a side of surfaces that reflects, with the irradiance that each brings.
 
     `samples` candidates a hit, from `first` on of the sequence that `key` (N,) chooses; those that can carry no light
     are left out. The sum of the values of those that arrive is the direct irradiance.
     """
-    material = scene.material[np.maximum(hits["primitive"], 0)]
-    lit = np.flatnonzero((hits["primitive"] >= 0) & hits["front"] & (scene.surface[material] == DIFFUSE))
+    known = np.maximum(hits["primitive"], 0)
+    lit = np.flatnonzero((hits["primitive"] >= 0) & scene.reflects(known, hits["front"]))
     surface = surface_at(scene, take(hits, lit))
     rays, light = direct_candidates(lights, surface.start, surface.facing, key[lit], first=first, samples=samples)
     light = light.reshape(-1, 3)

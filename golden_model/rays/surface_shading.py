@@ -12,7 +12,7 @@ import numpy as np
 from lightloom.golden_model.numerics.floats import flush, half_to_float, quiet
 from lightloom.golden_model.numerics.structured import take
 from lightloom.golden_model.numerics.vectors import interpolate
-from lightloom.golden_model.scene.lightmap import Lightmaps, bilinear, lightmap_coordinates, sample
+from lightloom.golden_model.scene.lightmap import Lightmaps, bilinear, lightmap_coordinates, on_side, sample
 from lightloom.golden_model.scene.parts import DIFFUSE, MIRROR
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.scene.textures import Textures, sample_textures, texel_coordinates
@@ -80,7 +80,7 @@ def albedo_at(surfaces: Surfaces, scene: Scene, hits: np.ndarray) -> np.ndarray:
 def reflected(albedo: np.ndarray, diffuse: np.ndarray, irradiance: np.ndarray) -> np.ndarray:
     """Radiance (N, 3) that surfaces of `albedo` (N, 3) reflect under `irradiance` (N, 3): (albedo * E) * (1/pi).
 
-    Zero where not `diffuse` (N,): for mirrors, glass, and the back of a triangle, which has no lightmap.
+    Zero where not `diffuse` (N,): for mirrors, glass, and the back of a triangle that has no lightmap there.
     """
     return np.where(diffuse[:, None], flush(flush(albedo * irradiance) * INVERSE_PI), np.float32(0))
 
@@ -97,21 +97,25 @@ def diffuse_radiance(surfaces: Surfaces, hits: np.ndarray, *, coarse: bool = Fal
     Reduced triangles have no lightmaps of their own: between their corners they show the texels that these are linked
     to. Triangles of coarse geometry that are the scene's own read its lightmaps.
     """
-    scene, primitive = surfaces.geometry(coarse), hits["primitive"]
-    diffuse = (scene.surface[scene.material[primitive]] == DIFFUSE) & hits["front"]
+    scene, primitive, front = surfaces.geometry(coarse), hits["primitive"], hits["front"]
+    diffuse = scene.reflects(primitive, front)
     if scene is not surfaces.scene:
         assert surfaces.links is not None, "coarse geometry needs links to texels"
         link = surfaces.links[primitive]
+        if (rows := surfaces.lightmaps.back_rows) is not None:
+            owner = scene.object_id[primitive]
+            link = link + np.where(front, 0, rows[owner] * surfaces.lightmaps.width[owner])[:, None] * (link >= 0)
         corner = np.where(link[..., None] >= 0, surfaces.irradiance[np.maximum(link, 0)], np.float32(0))
         arriving = interpolate(corner[:, 0], corner[:, 1], corner[:, 2], hits["u"], hits["v"])
         own = primitive[:0] if surfaces.fine is None else surfaces.fine[primitive]
         if (same := np.flatnonzero(own >= 0)).size:
             place = lightmap_coordinates(surfaces.lightmaps, own[same], hits["u"][same], hits["v"][same])
-            arriving[same] = bilinear(
-                surfaces.lightmaps, surfaces.irradiance, surfaces.scene.object_id[own[same]], place
-            )
+            owner = surfaces.scene.object_id[own[same]]
+            place = on_side(surfaces.lightmaps, owner, place, front[same])
+            arriving[same] = bilinear(surfaces.lightmaps, surfaces.irradiance, owner, place)
     else:
         place = lightmap_coordinates(surfaces.lightmaps, primitive, hits["u"], hits["v"])
+        place = on_side(surfaces.lightmaps, scene.object_id[primitive], place, front)
         arriving = bilinear(surfaces.lightmaps, surfaces.irradiance, scene.object_id[primitive], place)
     return reflected(albedo_at(surfaces, scene, hits), diffuse, arriving)
 
@@ -126,7 +130,7 @@ def shade_fragments(surfaces: Surfaces, fragment: np.ndarray) -> np.ndarray:
         )
     else:
         arriving = bilinear(surfaces.lightmaps, surfaces.irradiance, fragment["object"], fragment["lightmap"])
-    diffuse = (scene.surface[scene.material[primitive]] == DIFFUSE) & fragment["front"]
+    diffuse = scene.reflects(primitive, fragment["front"])
     albedo = textured(surfaces, scene, primitive, fragment["texture"], fragment["texture_lod"])
     return flush(reflected(albedo, diffuse, arriving) + emitted(scene, primitive, fragment["front"]))
 
@@ -135,7 +139,7 @@ def shade_fragments(surfaces: Surfaces, fragment: np.ndarray) -> np.ndarray:
 def ray_weights(surfaces: Surfaces, gbuffer: np.ndarray) -> np.ndarray:
     """GBUFFER (H, W) to the weights of the pixels' rays, (H, W, 3) float32: what the blender multiplies them with.
 
-    A diffuse pixel's rays bring irradiance: albedo / pi; its back reflects nothing. A mirror's bring radiance: its
+    A diffuse pixel's rays bring irradiance: albedo / pi, on a side that reflects. A mirror's bring radiance: its
     tint. Those of glass, each reflected or refracted, carry their weights with them: 1. 0 where nothing is seen.
     """
     weight = np.zeros((gbuffer.size, 3), dtype=np.float32)
@@ -143,7 +147,7 @@ def ray_weights(surfaces: Surfaces, gbuffer: np.ndarray) -> np.ndarray:
     scene, primitive = surfaces.scene, pixel["primitive"]
     surface = scene.surface[scene.material[primitive]][:, None]
     albedo = textured(surfaces, scene, primitive, pixel["texture"], pixel["texture_lod"])
-    diffuse = np.where(pixel["front"][:, None], flush(albedo * INVERSE_PI), np.float32(0))
+    diffuse = np.where(scene.reflects(primitive, pixel["front"])[:, None], flush(albedo * INVERSE_PI), np.float32(0))
     weight[seen] = np.where(surface == DIFFUSE, diffuse, np.where(surface == MIRROR, albedo, np.float32(1)))
     return weight.reshape(*gbuffer.shape, 3)
 

@@ -10,7 +10,7 @@ from lightloom.golden_model.contract.formats import POINT_LIGHT, TRIANGLE
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.numerics.vectors import vector
 from lightloom.golden_model.scene.keyframes import REST, LightPath
-from lightloom.golden_model.scene.mesh import shading_normals, usable_parts
+from lightloom.golden_model.scene.mesh import closed, shading_normals, usable_parts
 from lightloom.golden_model.scene.parts import Part
 from lightloom.golden_model.scene.scene import Camera, Keyframe, Scene
 
@@ -74,6 +74,7 @@ def _assembled(parts: Sequence[Part], **rest: Any) -> Scene:
         albedo=np.concatenate([p.albedo for p in parts]),
         emission=np.concatenate([p.emission for p in parts]),
         surface=np.repeat([p.surface for p in parts], materials).astype(np.uint8),
+        two_sided=np.repeat([p.two_sided and not closed(p.corners) for p in parts], materials).astype(bool),
         ior=np.repeat([p.ior for p in parts], materials).astype(np.float32),
         texture=np.repeat(texture, materials).astype(np.int32),
         textures=tuple(textures),

@@ -34,6 +34,8 @@ class Part:
     """Unit normals at the corners, (F, 3, 3) float32, or None: derived by `shading_normals`."""
     surface: int = DIFFUSE
     """DIFFUSE, MIRROR or GLASS, of all its materials."""
+    two_sided: bool = False
+    """Whether its diffuse surfaces reflect on their backs, too, with maps of their own."""
     ior: float = DEFAULT_IOR
     """Index of refraction, where it is glass."""
     texture: np.ndarray | None = None

@@ -1,9 +1,9 @@
 """A scene in memory: triangles, objects, materials, lights and a camera.
 
 Conventions, everywhere in Lightloom: right-handed world coordinates; a triangle's front is the side from which its
-vertices run counter-clockwise, so its normal is (v1 - v0) x (v2 - v0); diffuse surfaces reflect on both sides, mirrors
-and glass have no lightmap; area lights shine from their front only. Radiance, irradiance and so on are RGB in W, m and
-sr as far as the scene's own unit of length is taken for the metre.
+vertices run counter-clockwise, so its normal is (v1 - v0) x (v2 - v0); diffuse surfaces have lightmaps on their front,
+on both sides if they are two-sided, mirrors and glass have none; area lights shine from their front only. Radiance,
+irradiance and so on are RGB in W, m and sr as far as the scene's own unit of length is taken for the metre.
 
 A scene as loaded is at *rest*: every object where its file puts it. `pose.scene_at` gives the scene of a frame, in
 which objects, lights and camera are moved along their paths (golden_model/scene/keyframes.py); it is a function of
@@ -82,6 +82,8 @@ class Scene:
     """Radiance that each material's front side emits, (M, 3) float32, at this frame."""
     surface: np.ndarray
     """DIFFUSE, MIRROR or GLASS of each material, (M,) uint8."""
+    two_sided: np.ndarray
+    """Which materials reflect on both sides, (M,) bool: diffuse ones of objects whose backs can be seen."""
     ior: np.ndarray
     """Index of refraction of each material, (M,) float32; of use for GLASS."""
     texture: np.ndarray
@@ -158,6 +160,11 @@ class Scene:
         out = np.zeros(len(self.object_names), dtype=bool)
         out[self.material_object[self.surface == DIFFUSE]] = True
         return out
+
+    def reflects(self, primitive: np.ndarray, front: np.ndarray) -> np.ndarray:
+        """Whether triangles (N,) are diffuse, and reflect on the side that is seen, their front or not (N,): bool."""
+        material = self.material[primitive]
+        return np.asarray((self.surface[material] == DIFFUSE) & (front | self.two_sided[material]))
 
     @functools.cached_property
     def specular(self) -> bool:

@@ -32,7 +32,7 @@ MOST_SUBDIVISIONS = 7
 MOST_REPEATS = 1024.0
 """Of a texture along each coordinate."""
 
-_MATERIAL = ("albedo", "emission", "material", "ior", "texture", "texture_scale")
+_MATERIAL = ("albedo", "emission", "material", "two_sided", "ior", "texture", "texture_scale")
 _COMMON = ("name", *_MATERIAL, *PATH)
 MESH = ("file", "builtin", "scale", "rotate", "translate", "coarse", "coarse_ratio", *_COMMON)
 QUAD = ("corners", *_COMMON)
@@ -121,8 +121,11 @@ class Objects:
             albedo=_colour(table, "albedo", part.albedo),
             emission=_colour(table, "emission", part.emission),
             surface=surface,
+            two_sided=table.flag("two_sided", part.two_sided),
             ior=ior,
         )
+        if surface != DIFFUSE and part.two_sided:
+            raise InputError(f"{table.where}: mirrors and glass show both sides; leave `two_sided` out")
         if surface != DIFFUSE and part.emission.any():
             raise InputError(f"{table.where}: only diffuse surfaces have an emission")
         return self._textured(table, part)
