@@ -368,7 +368,7 @@ class Renderer:
         return shade_pixels(surfaces, drawn.gbuffer)
 
     def _mesh(self, scene: Scene) -> Mesh:
-        textured = scene.textures and (scene.texture >= 0).any()
+        textured = scene.textures and (np.maximum(scene.texture, scene.emission_texture) >= 0).any()
         return Mesh(
             triangles=scene.triangles,
             normals=scene.normals,

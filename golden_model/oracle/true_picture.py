@@ -22,7 +22,7 @@ def require_path_traced(scene: Scene) -> None:
     """Raises InputError for a scene that cannot be path-traced."""
     if (scene.surface[scene.material] != DIFFUSE).any():
         raise InputError("--true: the scene has mirrors or glass, which are not path-traced; leave it out")
-    if (scene.texture[scene.material] >= 0).any():
+    if (np.maximum(scene.texture, scene.emission_texture)[scene.material] >= 0).any():
         raise InputError("--true: the scene has textures, which are not path-traced; leave it out")
 
 

@@ -25,7 +25,7 @@ from lightloom.golden_model.numerics.floats import flush, quiet
 from lightloom.golden_model.numerics.structured import take
 from lightloom.golden_model.numerics.vectors import add, dot, normalize, scale
 from lightloom.golden_model.rays.hit_surface import surface_at
-from lightloom.golden_model.rays.surface_shading import INVERSE_PI, Surfaces, albedo_at, diffuse_radiance, emitted
+from lightloom.golden_model.rays.surface_shading import INVERSE_PI, Surfaces, albedo_at, diffuse_radiance, emitted_at
 from lightloom.golden_model.scene.lights import Lights, direct_candidates
 from lightloom.golden_model.scene.parts import DIFFUSE, GLASS
 from lightloom.golden_model.scene.scene import Scene
@@ -108,7 +108,7 @@ def shade_rays(
     hit = take(hits, struck)
     radiance[struck] = diffuse_radiance(surfaces, hit, coarse=coarse)
     if emission:
-        radiance[struck] = add(radiance[struck], emitted(scene, hit["primitive"], hit["front"]))
+        radiance[struck] = add(radiance[struck], emitted_at(surfaces, scene, hit))
     if beyond is not None:
         missed = np.flatnonzero(hits["primitive"] < 0)
         radiance[missed] = beyond(rays["direction"][missed])

@@ -57,23 +57,40 @@ def textured(
 ) -> np.ndarray:
     """Albedo times texture of triangles (N,), (N, 3) float32, read at `place` (N, 2) with `lod` (N,)."""
     material = scene.material[primitive]
-    albedo = scene.albedo[material]
+    return _times_texture(surfaces, scene.albedo[material], scene.texture[material], place, lod)
+
+
+@quiet
+def _times_texture(
+    surfaces: Surfaces, colour: np.ndarray, texture: np.ndarray, place: np.ndarray | None, lod: np.ndarray | None
+) -> np.ndarray:
+    """Colours (N, 3) float32 times textures (N,), -1: none, read at `place` (N, 2) with `lod` (N,)."""
     if surfaces.textures is None or place is None or lod is None:
-        return albedo
-    texture = scene.texture[material]
+        return colour
     some = np.flatnonzero(texture >= 0)
-    albedo = albedo.copy()
-    albedo[some] = flush(albedo[some] * sample_textures(surfaces.textures, texture[some], place[some], lod[some]))
-    return albedo
+    colour = colour.copy()
+    colour[some] = flush(colour[some] * sample_textures(surfaces.textures, texture[some], place[some], lod[some]))
+    return colour
+
+
+def _places(surfaces: Surfaces, scene: Scene, hits: np.ndarray) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Where textures are read at HIT (N,) that met a triangle of `scene`, and with which level of detail."""
+    if surfaces.textures is None:
+        return None, None
+    corner = texel_coordinates(scene, hits["primitive"])
+    place = interpolate(corner[:, 0], corner[:, 1], corner[:, 2], hits["u"], hits["v"])
+    return place, np.full(len(hits), surfaces.ray_texture_lod)
 
 
 def albedo_at(surfaces: Surfaces, scene: Scene, hits: np.ndarray) -> np.ndarray:
     """Albedo times texture of HIT (N,) that met a triangle of `scene`, (N, 3) float32."""
-    if surfaces.textures is None:
-        return textured(surfaces, scene, hits["primitive"], None, None)
-    corner = texel_coordinates(scene, hits["primitive"])
-    place = interpolate(corner[:, 0], corner[:, 1], corner[:, 2], hits["u"], hits["v"])
-    return textured(surfaces, scene, hits["primitive"], place, np.full(len(hits), surfaces.ray_texture_lod))
+    return textured(surfaces, scene, hits["primitive"], *_places(surfaces, scene, hits))
+
+
+def emitted_at(surfaces: Surfaces, scene: Scene, hits: np.ndarray) -> np.ndarray:
+    """Radiance (N, 3) that HIT (N,) sends out by itself, of a triangle of `scene`."""
+    place, lod = _places(surfaces, scene, hits) if (scene.emission_texture >= 0).any() else (None, None)
+    return emitted(surfaces, scene, hits["primitive"], hits["front"], place, lod)
 
 
 @quiet
@@ -85,9 +102,18 @@ def reflected(albedo: np.ndarray, diffuse: np.ndarray, irradiance: np.ndarray) -
     return np.where(diffuse[:, None], flush(flush(albedo * irradiance) * INVERSE_PI), np.float32(0))
 
 
-def emitted(scene: Scene, primitive: np.ndarray, front: np.ndarray) -> np.ndarray:
-    """Radiance (N, 3) that triangles (N,) send out on the side seen: on their front only."""
-    return np.where(front[:, None], scene.emission[scene.material[primitive]], np.float32(0))
+def emitted(
+    surfaces: Surfaces,
+    scene: Scene,
+    primitive: np.ndarray,
+    front: np.ndarray,
+    place: np.ndarray | None,
+    lod: np.ndarray | None,
+) -> np.ndarray:
+    """Radiance (N, 3) that triangles (N,) send out on the side seen, on their front only: emission times texture."""
+    material = scene.material[primitive]
+    emission = _times_texture(surfaces, scene.emission[material], scene.emission_texture[material], place, lod)
+    return np.where(front[:, None], emission, np.float32(0))
 
 
 @quiet
@@ -132,7 +158,8 @@ def shade_fragments(surfaces: Surfaces, fragment: np.ndarray) -> np.ndarray:
         arriving = bilinear(surfaces.lightmaps, surfaces.irradiance, fragment["object"], fragment["lightmap"])
     diffuse = scene.reflects(primitive, fragment["front"])
     albedo = textured(surfaces, scene, primitive, fragment["texture"], fragment["texture_lod"])
-    return flush(reflected(albedo, diffuse, arriving) + emitted(scene, primitive, fragment["front"]))
+    glow = emitted(surfaces, scene, primitive, fragment["front"], fragment["texture"], fragment["texture_lod"])
+    return flush(reflected(albedo, diffuse, arriving) + glow)
 
 
 @quiet

@@ -69,6 +69,7 @@ def _assembled(parts: Sequence[Part], **rest: Any) -> Scene:
     materials = [len(part.albedo) for part in parts]
     textures: list[np.ndarray] = []
     texture = [_index(textures, part.texture) for part in parts]
+    emission_texture = [_index(textures, part.emission_texture) for part in parts]
     return Scene(
         object_names=names,
         albedo=np.concatenate([p.albedo for p in parts]),
@@ -77,6 +78,7 @@ def _assembled(parts: Sequence[Part], **rest: Any) -> Scene:
         two_sided=np.repeat([p.two_sided and not closed(p.corners) for p in parts], materials).astype(bool),
         ior=np.repeat([p.ior for p in parts], materials).astype(np.float32),
         texture=np.repeat(texture, materials).astype(np.int32),
+        emission_texture=np.repeat(emission_texture, materials).astype(np.int32),
         textures=tuple(textures),
         material_object=np.repeat(np.arange(len(parts)), materials).astype(np.int32),
         object_path=tuple(part.path for part in parts),

@@ -85,9 +85,13 @@ class Lights:
 def lights_of(scene: Scene, sky_side: int = TABLE_SIDE) -> Lights:
     """The lights of a scene (K may be 0). The chance of a light goes with its power: area or 4, times luminance.
 
+    What a triangle emits is the mean over it, where its emission has a texture.
+
     `sky_side` is that of the table of its sky, a power of two: larger than hardware's for converged answers.
     """
     emission = scene.emission[scene.material]
+    if scene.emission_share is not None:
+        emission = flush(emission * scene.emission_share)
     shining = np.flatnonzero((emission > 0).any(axis=1))
     corners = scene.corners[shining]
     lit = (scene.point_lights["intensity"] > 0).any(axis=1)

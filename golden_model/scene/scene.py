@@ -21,6 +21,7 @@ from lightloom.golden_model.scene.environment import Environment
 from lightloom.golden_model.scene.keyframes import LightPath, ObjectPath, segment
 from lightloom.golden_model.scene.parts import DIFFUSE
 from lightloom.golden_model.scene.ray_offset import spans
+from lightloom.golden_model.scene.texture_means import mean_over
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,8 +89,10 @@ class Scene:
     """Index of refraction of each material, (M,) float32; of use for GLASS."""
     texture: np.ndarray
     """Texture of each material, (M,) int32, an index into `textures`; -1: none."""
+    emission_texture: np.ndarray
+    """The same for what multiplies the emission; of the same size as the other where a material has both."""
     textures: tuple[np.ndarray, ...] = ()
-    """Linear RGB, (H, W, 3) float32 each; row 0 is at the bottom, v = 0. The albedo multiplies them."""
+    """Linear RGB, (H, W, 3) float32 each; row 0 is at the bottom, v = 0. Albedo and emission multiply them."""
     texture_uv: np.ndarray
     """Texture coordinates at the corners, (T, 3, 2) float32; 1 is the whole picture, which repeats."""
     material_object: np.ndarray
@@ -165,6 +168,19 @@ class Scene:
         """Whether triangles (N,) are diffuse, and reflect on the side that is seen, their front or not (N,): bool."""
         material = self.material[primitive]
         return np.asarray((self.surface[material] == DIFFUSE) & (front | self.two_sided[material]))
+
+    @functools.cached_property
+    def emission_share(self) -> np.ndarray | None:
+        """The mean of the emission's texture over each triangle, 1 without one: (T, 3) float32; None: none has one."""
+        if self.rest is not None:
+            return self.rest.emission_share
+        texture = self.emission_texture[self.material]
+        if not (texture >= 0).any():
+            return None
+        out = np.ones((len(texture), 3), dtype=np.float32)
+        for number in np.flatnonzero(texture >= 0):
+            out[number] = mean_over(self.textures[texture[number]], self.texture_uv[number])
+        return out
 
     @functools.cached_property
     def specular(self) -> bool:
