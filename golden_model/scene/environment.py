@@ -12,6 +12,8 @@ from lightloom.golden_model.scene.octahedral import on_octahedron
 from lightloom.golden_model.scene.sky import TABLE_SIDE, SkyMap, SkyTable, fine_side, laid_out, table_of
 
 _PI = 3.141592653589793
+LEAST_ANGLE = 1e-3
+"""Of a sun, in degrees: a smaller one has no size, because its radiance would leave the range."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +58,8 @@ class Sun:
     @functools.cached_property
     def _half(self) -> tuple[float, float]:
         """Sine and cosine of its radius."""
-        sine, cosine = sine_cosine_of(np.array([self.angle * (_PI / 360)]))
+        angle = self.angle if self.angle >= LEAST_ANGLE else 0.0
+        sine, cosine = sine_cosine_of(np.array([angle * (_PI / 360)]))
         return float(sine[0]), float(cosine[0])
 
     @property

@@ -31,7 +31,7 @@ def found(scene: Scene, normal: np.ndarray, samples: int, rivals: float) -> tupl
     return weight.astype(np.float64).sum(axis=1), met
 
 
-@pytest.mark.parametrize("angle", [0, 0.53, 20, 60])
+@pytest.mark.parametrize("angle", [0, 1e-30, 1e-3, 0.53, 20, 60])
 @pytest.mark.parametrize("lamp", ["", LAMP])
 def test_sun(tmp_path: Path, angle: float, lamp: str) -> None:
     """Irradiance times cosine, whatever its size: its disc is nowhere below these horizons."""
