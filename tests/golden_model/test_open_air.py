@@ -133,6 +133,19 @@ def test_maps_come_to_what_paths_find(tmp_path: Path) -> None:
         assert ratio == pytest.approx([1, 1, 1], rel=0.03), f"seed {SEED}"
 
 
+def test_both_ways_to_find_direct_light_show_the_same(tmp_path: Path) -> None:
+    """Shadow rays of pixels choose from the sky's table, too; a mirror shows what each makes of the ground."""
+    ball = BALL.replace("[0, 1, 0]", "[-1.5, 1, 0.5]") + "material = 'mirror'\nalbedo = [1, 1, 1]\n"
+    scene = outdoors(tmp_path, SUN.format(angle=0.53) + ball)
+    images = []
+    for direct in ("maps", "rays"):
+        renderer, result = rendered(scene, 8, **both(direct))
+        more = [renderer.frame().image for _ in range(24)]
+        images.append(np.mean([result.image, *more], axis=0, dtype=np.float64))
+    seen = result.gbuffer["primitive"] >= 0
+    assert images[0][seen].sum(axis=0) == pytest.approx(images[1][seen].sum(axis=0), rel=0.02)
+
+
 def test_irradiance_against_mitsuba(tmp_path: Path) -> None:
     """Under a picture of a sky and the sun, beside and on a box: energy within 2 %, median within 2 %."""
     mi = mitsuba()
