@@ -10,16 +10,17 @@ Self-hits: a shadow ray starts off the surface (`golden_model.scene.ray_offset`)
 as it would have to start from there (`t_max` is 1 there), so that neither end needs a tolerance of its own.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from lightloom.golden_model.contract.formats import CONE, RAY
 from lightloom.golden_model.numerics.counter_rng import hash_u32, uniform
-from lightloom.golden_model.numerics.directions import COUNT, cosine_table, sobol, tangent_of
+from lightloom.golden_model.numerics.directions import COUNT, cosine_table, sobol
 from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.vectors import add, cross, scale, subtract
 from lightloom.golden_model.numerics.vectors import dot as dot4
+from lightloom.golden_model.scene.distant_lights import POINT, SKY, SUN, TRIANGLE, distant_lights
 from lightloom.golden_model.scene.environment import Sun
 from lightloom.golden_model.scene.mesh import area_vectors, dot
 from lightloom.golden_model.scene.octahedral import on_octahedron
@@ -33,10 +34,6 @@ NO_RIVALS = np.float32(0)
 """Light samples alone find the lights."""
 WEIGHT_BITS = 31
 """The whole-number weights by which lights are chosen add up to less than 2**WEIGHT_BITS."""
-
-
-TRIANGLE, POINT, SUN, SKY = range(4)
-"""Kinds of light."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +93,7 @@ def lights_of(scene: Scene, sky_side: int = TABLE_SIDE) -> Lights:
     corners = scene.corners[shining]
     lit = (scene.point_lights["intensity"] > 0).any(axis=1)
     points, cones = scene.point_lights[lit], scene.cones[lit] if len(scene.cones) else None
-    sky, distant = _distant(scene, sky_side)
+    sky, distant = distant_lights(scene, sky_side)
     nothing = np.zeros((len(points), 3), dtype=np.float32)
     none = np.zeros((len(points) + len(distant), 3), dtype=np.float32)
     edge1 = np.concatenate([subtract(corners[:, 1], corners[:, 0]), nothing])
@@ -137,7 +134,7 @@ def lights_of(scene: Scene, sky_side: int = TABLE_SIDE) -> Lights:
 def light_count(scene: Scene) -> int:
     """The lights that a scene has in any frame, K at most."""
     shining = int((scene.emission[scene.material] > 0).any(axis=1).sum())
-    return shining + len(scene.point_lights) + len(_distant(scene, TABLE_SIDE)[1])
+    return shining + len(scene.point_lights) + len(distant_lights(scene, TABLE_SIDE)[1])
 
 
 def _balls(points: np.ndarray, cones: np.ndarray | None) -> np.ndarray:
@@ -167,45 +164,6 @@ def _begin(power: np.ndarray) -> np.ndarray:
     bits = WEIGHT_BITS - 1 - int(np.frexp(max(len(power), 1))[1])
     weight = np.maximum(np.rint(power / power.max(initial=1e-300) * 2.0**bits), 1).astype(np.uint64)
     return np.concatenate([[0], np.cumsum(weight)]).astype(np.uint64)
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Distant:
-    """A row of `Lights` for what lies beyond the scene."""
-
-    kind: int
-    power: float
-    area: float = 1.0
-    towards: np.ndarray = field(default_factory=lambda: np.zeros(3, dtype=np.float32))
-    edge1: np.ndarray = field(default_factory=lambda: np.zeros(3, dtype=np.float32))
-    edge2: np.ndarray = field(default_factory=lambda: np.zeros(3, dtype=np.float32))
-    emitted: np.ndarray = field(default_factory=lambda: np.zeros(3, dtype=np.float32))
-
-
-def _distant(scene: Scene, sky_side: int) -> tuple[SkyTable | None, list[_Distant]]:
-    """The table of the scene's sky, and the lights beyond the scene: the sun, then the sky, as far as they are some."""
-    sky, sun = scene.environment.sky, scene.environment.sun
-    around = scene.half_extent * scene.half_extent
-    rows = []
-    if sun is not None and sun.irradiance.any():
-        tangent = tangent_of(sun.towards[None])[0]
-        rows.append(
-            _Distant(
-                kind=SUN,
-                power=around * float(luminance(sun.irradiance.astype(np.float64))),
-                area=sun.area if sun.radius > 0 else 1.0,
-                towards=sun.towards,
-                edge1=scale(tangent, sun.radius),
-                edge2=scale(cross(sun.towards, tangent), sun.radius),
-                emitted=sun.radiance if sun.radius > 0 else sun.irradiance,
-            )
-        )
-    if sky is None:
-        return None, rows
-    table = sky.finer_table(sky_side)
-    if table.sampled:
-        rows.append(_Distant(kind=SKY, power=4 * around * table.mean))
-    return table, rows
 
 
 @quiet

@@ -151,7 +151,7 @@ def test_the_van_brings_its_shadow_and_the_sky_is_over_all() -> None:
         hits = Structure(scene).trace(rays(ground["position"], towards))
         shaded.append((hits["primitive"] >= 0) & (scene.object_id[hits["primitive"]] == van))
         seen = yard.gbuffer(frame)
-        assert 0.02 < (seen["object"] < 0).mean() < 0.3, "sky"
+        assert 0.2 < (seen["object"] < 0).mean() < 0.5, "sky"
         assert seen["front"][seen["object"] >= 0].all(), "backs are black"
         assert (seen["object"] == van).any() == (frame == 44)
     assert shaded[1].sum() > 50

@@ -141,7 +141,7 @@ def test_both_ways_to_find_direct_light_show_the_same(tmp_path: Path) -> None:
     for direct in ("maps", "rays"):
         renderer, result = rendered(scene, 8, **both(direct))
         more = [renderer.frame().image for _ in range(24)]
-        images.append(np.mean([result.image, *more], axis=0, dtype=np.float64))
+        images.append(np.asarray(np.mean([result.image, *more], axis=0, dtype=np.float64)))
     seen = result.gbuffer["primitive"] >= 0
     assert images[0][seen].sum(axis=0) == pytest.approx(images[1][seen].sum(axis=0), rel=0.02)
 
