@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -25,7 +25,14 @@ from lightloom.golden_model.maintenance.maintainer import Maintainer, Maintenanc
 from lightloom.golden_model.maintenance.publishing.flip_chain import FlipChain
 from lightloom.golden_model.maintenance.publishing.publisher import Publisher
 from lightloom.golden_model.maintenance.publishing.smoothing import Smoother
-from lightloom.golden_model.maintenance.sampling.accumulate import at_rest, dark, fraction_bits, light_of, settled
+from lightloom.golden_model.maintenance.sampling.accumulate import (
+    at_rest,
+    brightness_of,
+    dark,
+    fraction_bits,
+    light_of,
+    settled,
+)
 from lightloom.golden_model.maintenance.sampling.gather import World
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.selection.policy import Policy
@@ -68,6 +75,13 @@ class Pipeline:
     versions: int = 2
     """Length of the flip chain, 1 to 8. What frame k's rays find is shown in frame k + versions - 1: 1 samples before
     the frame is shaded ([0085]), 2 beside it, and each further one leaves a frame more time for it."""
+    selects_by: Literal["this", "before"] = "this"
+    """The frame whose view and G-buffer selection looks at, as `Machine.early_selection` of the schedule. By the one
+    before it waits for no rasterizer ([0052]), and misses what comes into sight with this one."""
+
+    def __post_init__(self) -> None:
+        if self.selects_by not in ("this", "before"):
+            raise InputError(f"selects by {self.selects_by}: must be this or before")
 
 
 @dataclass(frozen=True)
@@ -149,7 +163,10 @@ class Renderer:
         """Of the unit in which `scene`, the maintained texels and the published maps hold light; pictures do not."""
         scene = in_unit(scene, self.exponent)
         self.scene, self.width, self.height, self.seed = scene, width, height, seed
-        self.machine = machine or Machine()
+        early = self.pipeline.selects_by == "before"
+        self.machine = machine or Machine(early_selection=int(early))
+        if self.machine.early_selection != early:
+            raise InputError("early selection: machine and pipeline must agree on whose surfaces selection looks at")
         self.budget = budget
         """Rays that the maintenance of the next frame may spend."""
         self._hold = None
@@ -175,6 +192,8 @@ class Renderer:
         """Rays traced before the first frame."""
         self.priming_clipped = 0
         """What was too bright for the formats then, as `Maintenance.clipped`."""
+        self._latest: _Drawn | None = None
+        """The last frame; None before the first."""
         self.chain = self._prime(first)
 
     @property
@@ -215,8 +234,8 @@ class Renderer:
                 continue
             first += len(primed.texels)
             if first // max(len(valid), 1) > len(sweeps):
-                sweeps.append(light_of(self.state["irradiance"][valid], self.fraction))
-                if at_rest(sweeps):
+                sweeps.append(brightness_of(self.state["irradiance"][valid], self.fraction))
+                if at_rest(sweeps, len(valid)):
                     break
         chain = FlipChain(published, self.pipeline.versions)
         nothing = np.zeros(0, dtype=np.int64)
@@ -264,9 +283,11 @@ class Renderer:
             camera = scene.camera
             view = look_at(camera.position, camera.target, camera.up, camera.fov_y_tan, self.width, self.height)
             raster = draw(view, self._mesh(scene), self.pipeline.raster)
-        self._latest = _Drawn(number, scene, world.lights, view, raster.gbuffer)
+        drawn = _Drawn(number, scene, world.lights, view, raster.gbuffer)
+        looked_at = drawn if self.pipeline.selects_by == "this" else self._latest or drawn
+        self._latest = drawn
         with clock("predict"):
-            context = self._context(number, world, raster.gbuffer, view, collector)
+            context = self._context(world, looked_at, collector)
         maintain = self.maintainer.run(world, context, self.budget, collector, clock)
         if self.pipeline.versions == 1:
             # What this frame shows is only made by its own maintenance.
@@ -298,9 +319,9 @@ class Renderer:
             seconds=clock.seconds,
         )
 
-    def _context(self, frame: int, world: World, gbuffer: np.ndarray, view: View, collector: Collector) -> FrameContext:
-        """What the selection of a frame looks at."""
-        scene = world.scene
+    def _context(self, world: World, drawn: _Drawn, collector: Collector) -> FrameContext:
+        """What the selection of the next frame looks at, with the surfaces of the frame `drawn`."""
+        scene, frame = world.scene, self.next_frame
         coming = predicted_view(scene, frame, self.width, self.height, self.policy)
         return FrameContext(
             frame=frame,
@@ -309,8 +330,8 @@ class Renderer:
             lightmaps=world.lightmaps,
             state=self.state,
             values=world.surfaces.irradiance[: len(self.state)],
-            view=view,
-            gbuffer=gbuffer,
+            view=drawn.view,
+            gbuffer=drawn.gbuffer,
             predicted=None if coming is None else (coming, draw(coming, self._mesh(scene)).gbuffer),
             trace=partial(collector.now, MAINTENANCE),
         )
@@ -331,6 +352,7 @@ class Renderer:
     ) -> Waves[tuple[np.ndarray, FrameRayFigures]]:
         """The picture of the frame just drawn: what fragment shading finds, and what its rays add."""
         drawn = self._latest
+        assert drawn is not None
         surfaces = self._surfaces(drawn.scene, published)
         seed, options = self.seed, self.pipeline.shading
         with clock("shade pixels"):
@@ -392,7 +414,7 @@ class Renderer:
                 self.chain.release(self._shown(frame) - 1)
             version = self.chain.newest + 1
             self.chain.begin(version)
-            difference = self.publisher.difference(before, self.state, np.concatenate([done.dropped, done.texels]))
+            difference = self.publisher.difference(before, self.state, np.concatenate([done.stale, done.texels]))
             self.chain.write(version, difference)
             self.chain.commit(version)
         return len(difference.texel)

@@ -111,5 +111,5 @@ class BulkUnit:
             *(["STALLS"] if stalls else []),
         ]
         return verilated.build(
-            self.unit.name, self.verilog, top=TOP, harness=HARNESS, defines=defines, optimised=self._optimised
+            self.unit.name, self.verilog, top=TOP, harness=HARNESS, defines=defines, level=2 if self._optimised else 0
         )

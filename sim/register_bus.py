@@ -42,7 +42,7 @@ def compiled(
             output=UNITS[unit].output,
             tag_width=config.streams.tag_width,
             memory_bits=memory_bits,
-            optimised=False,
+            level=0,
             harness=HARNESS,
             objects=[part],
         ).binary

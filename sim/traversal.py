@@ -63,8 +63,8 @@ class TraversalUnit:
     """The Verilated traversal unit with its memory.
 
     Parameters: `config`, the hardware's, with `units` of them; `memory_bits`, the memory holds 2**memory_bits bytes;
-    `verilog`, the text of module `traversal` instead of the unit's own; not `optimised`, for few rays, as in
-    `sim.verilated.build`. Builds the simulator, or finds it in the cache. Raises InputError for a missing tool.
+    `verilog`, the text of module `traversal` instead of the unit's own; `level`, that of `sim.verilated.build`. Builds
+    the simulator, or finds it in the cache. Raises InputError for a missing tool.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class TraversalUnit:
         *,
         memory_bits: int = MEMORY_BITS,
         verilog: str | None = None,
-        optimised: bool = True,
+        level: int = 2,
     ):
         self.config = config
         self.system = System(
@@ -83,7 +83,7 @@ class TraversalUnit:
             output=RAY_RESULT,
             tag_width=config.streams.tag_width,
             memory_bits=memory_bits,
-            optimised=optimised,
+            level=level,
         )
 
     def run(

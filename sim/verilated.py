@@ -24,7 +24,7 @@ VERILATE += ["--no-timing", "-Wno-fatal", "-fno-merge-cond", "-fno-dfg-scoped"]
 # -Wno-fatal: what a warning means for the Verilog is judged once, by the lint of gen/lint.vlt, not by every build.
 # Conditional moves instead of branches, for the same reason. No -march=native: a cached binary may be run on another
 # machine.
-COMPILE = ["-std=c++17", "-O2", "-fno-thread-jumps", "-fno-split-paths"]
+COMPILE = ["-std=c++17", "-fno-thread-jumps", "-fno-split-paths"]
 COMPILE += [f"--param=max-rtl-if-conversion-{kind}-cost=200" for kind in ("predictable", "unpredictable")]
 
 
@@ -37,21 +37,22 @@ def build(
     harness: Path,
     headers: Sequence[Path] = (),
     defines: Sequence[str],
-    optimised: bool = True,
+    level: int = 2,
     objects: Sequence[Path] = (),
 ) -> Path:
     """The simulator's binary, from the cache where it holds one.
 
     `name` is part of the file's name; `verilog` the text under test, `top` the file of the module around it, which has
     the file's name and may use the modules in `others`. `harness` is C++ that includes "V<top>.h" and may include
-    `headers`. `defines`, such as "TAG_BITS=8", hold for the Verilog and the C++. Not `optimised`, it is compiled in a
-    fraction of the time. `objects` are compiled files that are linked with it, such as one with `main`, where the
-    harness has none.
+    `headers`. `defines`, such as "TAG_BITS=8", hold for the Verilog and the C++. `level` is the compiler's -O: each
+    takes about half of the next one's time; 0, for thousands of cycles, makes code that is six times slower than 2's,
+    and 1, for hundreds of thousands, a third. `objects` are compiled files that are linked with it, such as one with
+    `main`, where the harness has none.
     """
     verilator, compiler = toolchain.verilator(), toolchain.compiler()
     options = ["--cc", "--prefix", f"V{top.stem}", "--top-module", top.stem, *VERILATE]
     macros = [f"-D{define}" for define in defines]
-    compile_ = COMPILE if optimised else [*COMPILE, "-O0"]
+    compile_ = [*COMPILE, f"-O{level}"]
     sharing = _sharing(verilog)
     texts = [path.read_text() for path in (top, *others, harness, *headers, HEADER)]
     recipe = [verilog, sharing, *texts, *options, *compile_, *macros]
@@ -69,13 +70,13 @@ def build(
             control.write_text(sharing)
             files = [str(path) for path in (control, top, *others, source)]
             toolchain.run([verilator.binary, *options, *macros, "--Mdir", scratch, *files], env=verilator.env)
-            # One translation unit: the run time's headers take most of the compiler's time.
+            # One translation unit: reading headers takes much of the compiler's time.
             sources = [*sorted(Path(scratch).glob("*.cpp")), harness]
             together = Path(scratch) / "together.cc"
             together.write_text("".join(f'#include "{path}"\n' for path in sources))
-            command = [compiler, *compile_, *macros, *verilator.include_options, "-I", scratch]
-            runtime = str(toolchain.verilated_runtime())
-            toolchain.run([*command, str(together), *map(str, objects), runtime, "-pthread", "-o", str(part)])
+            command = [compiler, *toolchain.verilated_headers(compile_), *macros, "-I", scratch, str(together)]
+            linked = [*map(str, objects), *toolchain.verilated_runtime()]
+            toolchain.run([*command, *linked, "-o", str(part)])
     return binary
 
 

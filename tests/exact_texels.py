@@ -85,14 +85,8 @@ def texel_project(record: Record) -> Record:
     )
     if not all(conditions):
         return out
-    leaning = add(*(dot(normal, axes[name]) & ~SIGN for name in ("right", "up")))
-    distance = maximum(exact.float_multiply(focal, over & ~SIGN), SHORTEST)
-    steep = exact.float_divide(exact.float_multiply(leaning, depth), distance)
-    reach = exact.float_multiply(one(record, "depth_slopes"), add(ONE, maximum(outside, ZERO)))
-    slope = exact.float_minmax(exact.float_multiply(steep, reach), one(record, "depth_limit"), 0)
-    relative = exact.float_multiply(add(slope, one(record, "depth_relative")), depth)
     out["visible"] = True
-    for name, value in (("depth", depth), ("tolerance", add(relative, one(record, "depth_fixed")))):
+    for name, value in (("depth", depth), ("above", over), ("outside", outside)):
         out[name] = np.uint32(value).view(np.float32)
     for name, place, side in (("column", x, "width"), ("row", y, "height")):
         first = (signed(exact.float_to_fixed_down(place, 1)) - 1) // 2
@@ -101,9 +95,20 @@ def texel_project(record: Record) -> Record:
     return out
 
 
+def tolerance_of(record: Record) -> int:
+    normal, depth = bits(record, "normal"), one(record, "depth")
+    leaning = add(*(dot(normal, bits(record, name)) & ~SIGN for name in ("right", "up")))
+    distance = maximum(exact.float_multiply(one(record, "focal"), one(record, "above") & ~SIGN), SHORTEST)
+    steep = exact.float_divide(exact.float_multiply(leaning, depth), distance)
+    reach = exact.float_multiply(one(record, "depth_slopes"), add(ONE, maximum(one(record, "outside"), ZERO)))
+    slope = exact.float_minmax(exact.float_multiply(steep, reach), one(record, "depth_limit"), 0)
+    relative = exact.float_multiply(add(slope, one(record, "depth_relative")), depth)
+    return add(relative, one(record, "depth_fixed"))
+
+
 def texel_match(record: Record) -> Record:
     out = np.zeros(1, dtype=TEXEL_MATCHED)[0]
-    tolerance = one(record, "tolerance")
+    tolerance = tolerance_of(record)
     doubt = exact.float_multiply(tolerance, one(record, "depth_doubt"))
     normals = [exact.half_to_float(each) for each in bits(record, "pixel_normal")]
     degrees, levels = [], []
@@ -154,18 +159,18 @@ def texel_blend(record: Record) -> Record:
     count, heavy, usual = (int(record[name]) for name in ("count", "heavy", "deviation"))
     old = bits(record, "irradiance")
     sample = [integer(int(total), int(record["fraction"])) for total in record["total"]]
-    alpha = maximum(exact.float_divide(ONE, integer(count + 1)), one(record, "alpha_min"))
+    alpha = maximum(exact.float_divide(integer(16), integer(count + 16)), one(record, "alpha_min"))
     alpha = maximum(alpha, one(record, "alpha_heavy")) if heavy else alpha
     moved = [add(a, exact.float_multiply(alpha, subtract(b, a))) for a, b in zip(old, sample, strict=True)]
     weights = [QUARTER, HALF, QUARTER]
     before, after = dot(old, weights), dot(sample, weights)
     latest = relative(subtract(after, before) & ~SIGN, before)
     out["irradiance"] = np.array(moved if count else sample, dtype=np.uint32).view(np.float32)
-    out["count"], out["heavy"] = min(count + 1, 255), max(heavy - 1, 0)
+    out["count"], out["heavy"] = min(count + 16, 4095), max(heavy - 1, 0)
     limit = int(record["notice_factor"]) * usual + 16 * int(record["notice_floor"])
-    out["noticed"] = 0 < count >= int(record["notice_count"]) and 16 * latest > limit
-    if count:
-        weight = 1 if count == 1 else 2 if count < 4 else 4 if count < 8 else 8
+    out["noticed"] = count > 0 and count // 16 >= int(record["notice_count"]) and 16 * latest > limit
+    if whole := count // 16:
+        weight = 1 if whole == 1 else 2 if whole < 4 else 4 if whole < 8 else 8
         step = -(-abs(latest - usual) // weight)
         out["deviation"] = usual + step if latest > usual else usual - step
     out["spread"] = spread(record)

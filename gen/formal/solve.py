@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import time
@@ -18,14 +19,20 @@ SOLVERS = {"yices": "smtbmc yices", "z3": "smtbmc z3"}
 """Engines by the solver's name; yices is the fastest, z3 the cross-check."""
 PROGRAMS = {"yices": "yices-smt2", "z3": "z3"}
 TIMEOUT = 900
-"""Seconds for one property."""
+"""Seconds of processor time that a solver may take for one question."""
+LIMITED = """\
+#!/bin/sh
+ulimit -S -c 0
+ulimit -S -t {seconds}
+exec {solver} "$@"
+"""
+"""What SymbiYosys calls as a solver. Its own limit is time by the clock, which depends on the machine's load."""
 
 # Nothing may depend on initial values (they are not in the Verilog either), nor on what memories hold after reset.
 PROJECT = """\
 [options]
 mode {mode}
 depth {depth}
-timeout {timeout}
 vcd {waves}
 
 [engines]
@@ -46,6 +53,8 @@ top.il
 STATUS = re.compile(r"DONE \((\w+), rc=")
 FAILED = re.compile(r"summary: +failed assertion \S+ at (\w+):0")
 REACHED = re.compile(r" Reached cover statement in step (\d+) at top: (\w+):0")
+SILENT = re.compile(r"Unexpected (EOF )?response from solver")
+"""A solver was ended before it had an answer: yices goes without a word, z3 says "timeout"."""
 SEARCH = 24
 """Cycles in which a counterexample from reset is looked for where an induction does not decide, in narrow runs."""
 
@@ -69,6 +78,8 @@ def solve(
     programs.mkdir(parents=True)
     for name in ("yosys", "yosys-smtbmc", "yosys-witness"):  # as SymbiYosys calls them
         (programs / name).symlink_to(tools.require(f"yowasp-{name}"))
+    for solver in solvers:
+        _limit(PROGRAMS[solver], programs)
     runs = [(one, solver) for one in properties for solver in (solvers if one.build else ["-"])]
     outcomes: dict[int, Outcome] = {}
     try:
@@ -83,6 +94,13 @@ def solve(
     finally:
         shutil.rmtree(programs, ignore_errors=True)
     return [outcomes[k] for k in range(len(runs))]
+
+
+def _limit(program: str, folder: Path) -> None:
+    """Puts a solver's program into `folder`, under the name that SymbiYosys calls it by, with its limit."""
+    text = LIMITED.format(seconds=TIMEOUT, solver=shlex.quote(tools.require(program)))
+    (folder / program).write_text(text, encoding="utf-8")
+    (folder / program).chmod(0o755)
 
 
 @dataclass
@@ -152,7 +170,6 @@ def _run(
     project = PROJECT.format(
         mode=mode,
         depth=depth,
-        timeout=TIMEOUT,
         waves=waves,
         engine=SOLVERS[solver],
         first=f"w:{FIRST} w:{NARROW}" if narrow else f"w:{FIRST}",
@@ -170,13 +187,16 @@ def _run(
         text=True,
     )
     result = STATUS.search(ran.stdout)
-    if result is None or result[1] not in MEANINGS:
+    status = MEANINGS.get(result[1]) if result else None
+    if status not in ("proved", "failed") and SILENT.search(ran.stdout):
+        status = "timed out"
+    if status is None:
         errors = [line for line in ran.stdout.splitlines() if "ERROR" in line]
         raise RuntimeError(f"{one.key}: SymbiYosys failed: {errors[-1] if errors else ran.stdout[-2000:]}")
     found = ", ".join(sorted(set(FAILED.findall(ran.stdout))))
     trace = next(iter(sorted(where.glob(f"{mode}/engine_0/trace*.vcd"))), None)
     reached = {label: int(step) for step, label in REACHED.findall(ran.stdout)}
-    return _Ran(MEANINGS[result[1]], found, str(trace.relative_to(where)) if trace else "", reached)
+    return _Ran(status, found, str(trace.relative_to(where)) if trace else "", reached)
 
 
-MEANINGS: dict[str, Status] = {"PASS": "proved", "FAIL": "failed", "UNKNOWN": "undecided", "TIMEOUT": "timed out"}
+MEANINGS: dict[str, Status] = {"PASS": "proved", "FAIL": "failed", "UNKNOWN": "undecided"}

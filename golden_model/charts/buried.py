@@ -1,18 +1,20 @@
 """Texels that are never seen, because they lie inside or under other geometry, and what is shown in their place.
 
 A block that stands on a floor leaves the floor's texels under it in the dark. Reads between texels at the foot of the
-block would mix that darkness in; so these texels are found, not sampled, and show the value of their nearest neighbour.
+block would mix that darkness in; so these texels are found. Those at its rim, which such reads touch, are sampled at
+another point, beside the block; the others are not sampled, and show the value of their nearest neighbour.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
+from lightloom.golden_model.charts.sample_points import ChartedTriangles, other_points
 from lightloom.golden_model.contract.formats import RAY, TRIANGLE
 from lightloom.golden_model.numerics.directions import cosine_table, to_world
-from lightloom.golden_model.scene.lightmap import BURIED, VALID, Lightmaps
+from lightloom.golden_model.scene.lightmap import BURIED, VALID, Lightmaps, lightmap_coordinates
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.bvh import traversal
 from lightloom.golden_model.tracing.bvh.build import build
@@ -24,33 +26,115 @@ RAYS = 32
 MOST = 24
 """A texel is buried when at least this many of its rays meet the back of a surface."""
 
+SHADED = 8
+"""One of whose rays so many meet backs and none or one a front is behind a sheet: under a floor that has no other side,
+say. It is not buried, because it may be seen from there, but another point is looked for as if it were."""
+
+FREE = 4
+"""A point is taken in the place of a buried one if fewer of its rays meet backs."""
+
+PASSES = 3
+"""Where a block stands in a wall, a texel under it sees the wall's front, of which those texels are buried already that
+see less of others. So what partly sees backs is looked at again, fronts of buried texels counting as backs."""
+
 BATCH = 1 << 18  # rays traced at a time
 
 
-def find_buried(lightmaps: Lightmaps, scene: Scene, trace: Trace) -> Lightmaps:
-    """Marks valid texels that lie inside or under other geometry as BURIED, and renews `fill`.
+def find_buried(lightmaps: Lightmaps, scene: Scene, trace: Trace, triangles: ChartedTriangles) -> Lightmaps:
+    """Finds valid texels that lie inside or under other geometry, moves them or marks them BURIED, and renews `fill`.
 
     From inside a closed surface all rays meet its back; three quarters of them are asked for, so that the inside of an
-    open pot, which can be seen, counts as valid, and a lamp close under a ceiling hides the texels behind it. The backs
-    of two-sided triangles hide nothing.
+    open pot, which can be seen, counts as valid, and a lamp close under a ceiling hides the texels behind it. Beside
+    texels that are not buried reads touch it; so there another point of its chart is taken, less than a texel away. The
+    backs of two-sided triangles hide nothing.
 
     Where objects move, what hides a texel in one frame may not in another. So there only what never moves against the
     texel can bury it: the still objects those of each other, a moving body its own (`Scene.bodies`, at rest).
     """
     texels = lightmaps.texels.copy()
-    for objects, tracer in _alone(scene, trace):
+    for objects, tracer in alone(scene, trace):
         mine = np.flatnonzero((texels["state"] == VALID) & np.isin(texels["object"], objects))
-        for begin in range(0, len(mine), BATCH // RAYS):
-            chosen = mine[begin : begin + BATCH // RAYS]
-            rays = hemisphere_rays(texels[chosen], cosine_table()[:RAYS])
-            hits = tracer(rays.reshape(-1)).reshape(len(chosen), RAYS)
-            met, material = hits["primitive"] >= 0, scene.material[np.maximum(hits["primitive"], 0)]
-            backs = (met & ~hits["front"] & ~scene.two_sided[material]).sum(axis=1)
-            texels["state"][chosen[backs >= MOST]] = BURIED
+        backs, fronts = _met(texels[mine], scene, tracer)
+        texels["state"][mine[backs >= MOST]] = BURIED
+        dark = np.zeros(len(texels), dtype=np.bool_)
+        dark[mine] = (backs >= MOST) | ((backs >= SHADED) & (fronts <= 1))
+        partly = mine[(backs >= SHADED) & ~dark[mine]]
+        for _ in range(PASSES):
+            hidden = partial(_hidden, lightmaps, texels["state"], scene)
+            backs, _ = _met(texels[partly], scene, tracer, hidden)
+            texels["state"][partly[backs >= MOST]] = BURIED
+            dark[partly[backs >= MOST]] = True
+            partly = partly[backs < MOST]
+        _move(texels, lightmaps, scene, triangles, np.flatnonzero(dark & _beside(lightmaps, mine, ~dark)), tracer)
     return replace(lightmaps, texels=texels, fill=nearest_valid(lightmaps, texels["state"]))
 
 
-def _alone(scene: Scene, trace: Trace) -> Iterator[tuple[list[int], Trace]]:
+def _hidden(lightmaps: Lightmaps, state: np.ndarray, scene: Scene, hits: np.ndarray) -> np.ndarray:
+    """Which HIT (K,) met a buried texel's part of a surface, (K,) bool."""
+    met = np.flatnonzero(hits["primitive"] >= 0)
+    primitive = hits["primitive"][met]
+    owner = scene.object_id[primitive]
+    place = np.floor(lightmap_coordinates(lightmaps, primitive, hits["u"][met], hits["v"][met])).astype(np.int64)
+    column, row = (
+        np.clip(place[:, k], 0, size[owner] - 1) for k, size in enumerate((lightmaps.width, lightmaps.height))
+    )
+    out = np.zeros(len(hits), dtype=np.bool_)
+    out[met] = state[lightmaps.offset[owner] + row * lightmaps.width[owner] + column] == BURIED
+    return out
+
+
+def _met(
+    texels: np.ndarray, scene: Scene, tracer: Trace, hidden: Callable[[np.ndarray], np.ndarray] | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """How many rays of TEXEL (M,) meet a back, and how many a front, (M,) each.
+
+    A front that is `hidden` is a back; either side of a two-sided triangle is a front.
+    """
+    counts = np.zeros((2, len(texels)), dtype=np.int64)
+    for begin in range(0, len(texels), BATCH // RAYS):
+        part = slice(begin, begin + BATCH // RAYS)
+        rays = hemisphere_rays(texels[part], cosine_table()[:RAYS])
+        hits = tracer(rays.reshape(-1))
+        front = hits["front"] if hidden is None else hits["front"] & ~hidden(hits)
+        two_sided = scene.two_sided[scene.material[np.maximum(hits["primitive"], 0)]]
+        front = front | (two_sided & ~hits["front"])
+        met, front = (each.reshape(-1, RAYS) for each in (hits["primitive"] >= 0, front))
+        counts[:, part] = (met & ~front).sum(axis=1), (met & front).sum(axis=1)
+    return counts[0], counts[1]
+
+
+def _beside(lightmaps: Lightmaps, texel: np.ndarray, chosen: np.ndarray) -> np.ndarray:
+    """Texels (N,) bool with one of `texel` (M,) that is `chosen` (N,) bool among their eight neighbours of a chart."""
+    owner = lightmaps.texels["object"][texel]
+    width, height = lightmaps.width[owner].astype(np.int64), lightmaps.height[owner].astype(np.int64)
+    row, column = np.divmod(texel - lightmaps.offset[owner], width)
+    out = np.zeros(len(chosen), dtype=np.bool_)
+    for dy, dx in ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)):
+        there = (row + dy >= 0) & (row + dy < height) & (column + dx >= 0) & (column + dx < width) & chosen[texel]
+        other = np.where(there, texel + dy * width + dx, texel)
+        out[other[there & (lightmaps.chart[other] == lightmaps.chart[texel])]] = True
+    return out
+
+
+def _move(
+    texels: np.ndarray,
+    lightmaps: Lightmaps,
+    scene: Scene,
+    triangles: ChartedTriangles,
+    moved: np.ndarray,
+    tracer: Trace,
+) -> None:
+    """Gives those of `moved` (M,) another point that have one that is not buried, in `texels` (N,)."""
+    left = np.ones(len(moved), dtype=np.bool_)
+    for place, record in other_points(triangles, lightmaps, moved):
+        wanted = left[place]
+        place, record = place[wanted], record[wanted]
+        free = _met(record, scene, tracer)[0] < FREE
+        texels[moved[place[free]]] = record[free]
+        left[place[free]] = False
+
+
+def alone(scene: Scene, trace: Trace) -> Iterator[tuple[list[int], Trace]]:
     """The bodies of a scene, each with a tracer that meets no other; `trace` serves where there is but one."""
     if len(scene.bodies) == 1:
         yield scene.bodies[0], trace

@@ -13,10 +13,11 @@ from pathlib import Path
 
 import numpy as np
 
-from lightloom.golden_model.charts.planar import GAP, ObjectCharts, pack, planar_charts, planar_pieces
+from lightloom.golden_model.charts.planar import GAP, ObjectCharts, pack, planar_charts
 from lightloom.golden_model.charts.unwrap_process import Unwrapper
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.outputs import whole_file
+from lightloom.golden_model.scene.flat_pieces import planar_pieces
 
 VERSION = 1
 """Part of the key on disk; rises when this file makes other charts of the same mesh."""

@@ -8,10 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lightloom.golden_model.scene.flat_pieces import points_of
 from lightloom.golden_model.scene.mesh import area_vectors, cross, dot
-
-FLAT_COSINE = 0.9995
-"""Triangles within 1.8 degrees of the first one of a piece belong to it: walls of measured rooms are not quite flat."""
 
 SQUARE = 0.05
 """A quad whose opposite sides, and diagonals, differ by less than this fraction is mapped to a rectangle."""
@@ -30,30 +28,8 @@ class ObjectCharts:
     chart: np.ndarray  # (F,) int32, from 0
 
 
-def planar_pieces(corners: np.ndarray) -> np.ndarray:
-    """(F, 3, 3) corners to the piece of each triangle, (F,) int32, numbered in the order of their first triangles."""
-    faces = len(corners)
-    area = area_vectors(corners)
-    unit = area / np.sqrt(dot(area, area))[:, None]
-    neighbours = _neighbours(_points(corners))
-    piece = np.full(faces, -1, dtype=np.int32)
-    count = 0
-    for seed in range(faces):
-        if piece[seed] >= 0:
-            continue
-        piece[seed] = count
-        pending = [seed]
-        while pending:
-            for other in neighbours.get(pending.pop(), ()):
-                if piece[other] < 0 and dot(unit[other], unit[seed]) >= FLAT_COSINE:
-                    piece[other] = count
-                    pending.append(other)
-        count += 1
-    return piece
-
-
 def planar_charts(corners: np.ndarray, piece: np.ndarray, texel_size: float) -> ObjectCharts:
-    """Charts of the pieces that `planar_pieces` found, packed into one map."""
+    """Charts of the flat pieces (`flat_pieces`) of an object, one each, packed into one map."""
     flat = np.zeros((len(corners), 3, 2))
     pieces = int(piece.max()) + 1
     sizes = np.zeros((pieces, 2), dtype=np.int64)
@@ -90,25 +66,6 @@ def pack(sizes: np.ndarray) -> tuple[np.ndarray, int, int]:
     return place, used - GAP, y + shelf - GAP
 
 
-def _points(corners: np.ndarray) -> np.ndarray:
-    """Number of the point at each corner, (F, 3): equal positions are one point."""
-    _, point = np.unique(corners.reshape(-1, 3) + np.float32(0), axis=0, return_inverse=True)
-    return point.reshape(-1, 3)
-
-
-def _neighbours(point: np.ndarray) -> dict[int, list[int]]:
-    """Triangles that share an edge with each triangle."""
-    at_edge: dict[tuple[int, int], list[int]] = {}
-    for face, (a, b, c) in enumerate(point.tolist()):
-        for edge in ((a, b), (b, c), (c, a)):
-            at_edge.setdefault((min(edge), max(edge)), []).append(face)
-    out: dict[int, list[int]] = {}
-    for members in at_edge.values():
-        for face in members:
-            out.setdefault(face, []).extend(other for other in members if other != face)
-    return out
-
-
 def _border(point: np.ndarray) -> list[tuple[int, int]]:
     """Places (triangle, corner) where a border edge of the piece begins: edges without their reverse."""
     edges = {(a, b) for row in point.tolist() for a, b in zip(row, row[1:] + row[:1], strict=True)}
@@ -125,7 +82,7 @@ def _flatten(corners: np.ndarray) -> np.ndarray:
 
     The longest border edge lies along u. Seen from the front, u, v and the normal are right-handed.
     """
-    point = _points(corners)
+    point = points_of(corners)
     border = _border(point)
     ends = {point[f, k]: (point[f, (k + 1) % 3], corners[f, (k + 1) % 3] - corners[f, k]) for f, k in border}
     lengths = {start: float(np.sqrt(dot(edge, edge))) for start, (_, edge) in ends.items()}

@@ -44,7 +44,7 @@ def texel_records(
     for face, texel, centre in _candidates(wide, width, height):
         touching = _enters_square(wide[face], centre)
         face, texel, centre = face[touching], texel[touching], centre[touching]
-        distance = _nearest(wide[face], centre)[1]
+        distance = nearest_point(wide[face], centre)[1]
         # Nearest first, then the lower triangle; of the pairs of one texel the first counts.
         order = np.lexsort((face, distance, texel))
         face, texel, distance = face[order], texel[order], distance[order]
@@ -56,21 +56,30 @@ def texel_records(
     used = np.flatnonzero(owner >= 0)
     face = owner[used]
     centre = np.stack([used % width + 0.5, used // width + 0.5], axis=1)
-    border = _border(uv, chart) * np.broadcast_to(margin, len(uv))[:, None]
-    weight = _inside(_nearest(wide[face], centre)[0], wide[face], border[face])
+    border = chart_border(uv, chart) * np.broadcast_to(margin, len(uv))[:, None]
+    weight = inside_border(nearest_point(wide[face], centre)[0], wide[face], border[face])
+    texels[used] = surface_texels(face, weight, corners, normals, uv, span)
+    charts = np.full(width * height, -1, dtype=np.int32)
+    charts[used] = chart[face]
+    return texels, charts
+
+
+def surface_texels(
+    face: np.ndarray, weight: np.ndarray, corners: np.ndarray, normals: np.ndarray, uv: np.ndarray, span: np.ndarray
+) -> np.ndarray:
+    """TEXEL (M,), valid, at points of triangles (M,), given by weights (M, 3); the rest as `texel_records` takes it."""
+    texels = np.zeros(len(face), dtype=TEXEL)
     point = _weighted(weight, corners[face].astype(np.float64)).astype(np.float32)
     wall = unit(area_vectors(corners[face]))
     normal = unit(_weighted(weight, normals[face].astype(np.float64)))
     # Opposite normals at the corners of one triangle can cancel; then the face's own normal serves.
     flat = ~np.isfinite(normal).all(axis=1)
     normal[flat] = wall[flat]
-    texels["position"][used] = ray_start(point, wall.astype(np.float32), span[face])
-    texels["normal"][used] = normal
-    texels["tangent"][used] = _tangents(corners[face].astype(np.float64), wide[face], normal)
-    texels["state"][used] = VALID
-    charts = np.full(width * height, -1, dtype=np.int32)
-    charts[used] = chart[face]
-    return texels, charts
+    texels["position"] = ray_start(point, wall.astype(np.float32), span[face])
+    texels["normal"] = normal
+    texels["tangent"] = _tangents(corners[face].astype(np.float64), uv[face].astype(np.float64), normal)
+    texels["state"] = VALID
+    return texels
 
 
 def _candidates(uv: np.ndarray, width: int, height: int) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
@@ -108,7 +117,7 @@ def _enters_square(triangle: np.ndarray, centre: np.ndarray) -> np.ndarray:
     return inside
 
 
-def _nearest(triangle: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def nearest_point(triangle: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Barycentric weights (N, 3) of the points of triangles (N, 3, 2) nearest to (N, 2), and squared distances."""
     edge = _edges(triangle)
     toward = centre[:, None, :] - triangle
@@ -133,7 +142,7 @@ def _nearest(triangle: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.n
     return weight, best
 
 
-def _border(uv: np.ndarray, chart: np.ndarray) -> np.ndarray:
+def chart_border(uv: np.ndarray, chart: np.ndarray) -> np.ndarray:
     """Which edges (F, 3) lie on the border of their chart: no other triangle of the chart has the same two ends."""
     a, b = uv.reshape(-1, 2), np.roll(uv, -1, axis=1).reshape(-1, 2)
     swapped = ((a[:, 0] > b[:, 0]) | ((a[:, 0] == b[:, 0]) & (a[:, 1] > b[:, 1])))[:, None]
@@ -143,7 +152,7 @@ def _border(uv: np.ndarray, chart: np.ndarray) -> np.ndarray:
     return (count[edge.reshape(-1)] == 1).reshape(-1, 3)
 
 
-def _inside(weight: np.ndarray, triangle: np.ndarray, margin: np.ndarray) -> np.ndarray:
+def inside_border(weight: np.ndarray, triangle: np.ndarray, margin: np.ndarray) -> np.ndarray:
     """Moves points, given by weights (N, 3), to at least `margin` (N, 3) from each edge; at most to weights of 1/8."""
     edge = _edges(triangle)
     area = np.abs(edge[:, 0, 0] * edge[:, 1, 1] - edge[:, 0, 1] * edge[:, 1, 0])

@@ -1,29 +1,26 @@
 """From a scene to its lightmaps: charts for every object, texel records, buried texels."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
 
 from lightloom.golden_model.charts.buried import find_buried, nearest_valid
 from lightloom.golden_model.charts.curved import mesh_charts
-from lightloom.golden_model.charts.planar import GAP, ObjectCharts, planar_charts, planar_pieces
+from lightloom.golden_model.charts.links import find_links
+from lightloom.golden_model.charts.planar import GAP, ObjectCharts, planar_charts
 from lightloom.golden_model.charts.read_levels import deepest_levels
-from lightloom.golden_model.charts.texels import MARGIN, texel_records, unit
+from lightloom.golden_model.charts.sample_points import ChartedTriangles
+from lightloom.golden_model.charts.texels import MARGIN, chart_border, texel_records, unit
 from lightloom.golden_model.charts.unwrap_process import KilledError, Unwrapper
 from lightloom.golden_model.contract.formats import TEXEL
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.scene.flat_pieces import flat_pieces
 from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.mesh import area_vectors, dot
 from lightloom.golden_model.scene.ray_offset import lift
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.trace_protocol import Trace
-
-PLANAR_TRIANGLES = 512
-"""Objects with more triangles are taken for curved meshes without looking for flat pieces."""
-
-PLANAR_PIECES = 16
-"""An object is flat geometry if it has at most this many flat pieces, or two triangles a piece on average."""
 
 MOST_TEXELS = 1 << 24
 LONGEST_SIDE = 1 << 14
@@ -34,7 +31,11 @@ class _Object:
     charts: ObjectCharts
     texels: np.ndarray
     chart: np.ndarray
+    span: np.ndarray
+    border: np.ndarray
     back_rows: int = 0
+    backs: ChartedTriangles | None = None
+    """Two-sided triangles from behind, charts numbered as in `chart`."""
 
 
 def unwrap(
@@ -69,40 +70,49 @@ def unwrap(
 
     texels = np.concatenate([item.texels for item in objects]).astype(TEXEL)
     texels["object"] = np.repeat(np.arange(len(objects)), count)
-    sides = [1 + (item.back_rows > 0) for item in objects]
-    charts = [int(item.charts.chart.max()) + 1 for item in objects]
-    charts_before = np.cumsum([0, *(count * k for count, k in zip(charts, sides, strict=True))])
+    sides = np.array([1 + (item.back_rows > 0) for item in objects])
+    charts = np.array([int(item.charts.chart.max()) + 1 for item in objects]) * sides
+    charts_before = np.cumsum(charts) - charts
     lightmaps = Lightmaps(
         width=width,
         height=height,
         offset=(np.cumsum(count) - count).astype(np.int32),
         uv=np.concatenate([item.charts.uv for item in objects]),
         texels=texels,
-        chart=np.concatenate(
-            [
-                np.where(item.chart >= 0, item.chart + before, -1)
-                for item, before in zip(objects, charts_before, strict=False)
-            ]
-        ).astype(np.int32),
+        chart=_numbered([item.chart for item in objects], charts_before),
         fill=np.full(len(texels), -1, dtype=np.int32),
         back_rows=back_rows if back_rows.any() else None,
     )
     if trace is not None:
-        lightmaps = find_buried(lightmaps, scene, trace)
+        triangles = ChartedTriangles(
+            corners=scene.corners,
+            normals=scene.normals,
+            uv=lightmaps.uv,
+            chart=_numbered([item.charts.chart for item in objects], charts_before),
+            span=np.concatenate([item.span for item in objects]),
+            border=np.concatenate([item.border for item in objects]),
+        )
+        triangles = _with_backs(triangles, objects, charts_before)
+        lightmaps = find_links(find_buried(lightmaps, scene, trace, triangles), scene, trace, triangles)
     else:
         lightmaps.fill[:] = nearest_valid(lightmaps, texels["state"])
     return replace(lightmaps, deepest=deepest_levels(lightmaps))
+
+
+def _numbered(chart: list[np.ndarray], before: np.ndarray) -> np.ndarray:
+    """The charts of each object's texels or triangles numbered through all objects, int32; -1 stays."""
+    return np.concatenate([np.where(own >= 0, own + k, -1) for own, k in zip(chart, before, strict=True)]).astype(
+        np.int32
+    )
 
 
 def object_charts(
     corners: np.ndarray, texel_size: float, cache: Path | None = None, unwrapper: Unwrapper | None = None
 ) -> ObjectCharts:
     """Charts of one object's triangles (F, 3, 3): planar ones for flat geometry, else those of xatlas."""
-    if len(corners) <= PLANAR_TRIANGLES:
-        piece = planar_pieces(corners)
-        pieces = int(piece.max()) + 1
-        if pieces <= max(PLANAR_PIECES, len(corners) // 2):
-            return planar_charts(corners, piece, texel_size)
+    piece = flat_pieces(corners)
+    if piece is not None:
+        return planar_charts(corners, piece, texel_size)
     return mesh_charts(corners, texel_size, cache, unwrapper)
 
 
@@ -112,7 +122,11 @@ def _unwrap_object(scene: Scene, number: int, texel_size: float, cache: Path | N
         return _empty_map(int(members.sum()))
     corners = scene.corners[members]
     try:
-        charts = object_charts(corners, texel_size, cache, unwrapper)
+        section = scene.section[members]
+        if section[0] >= 0:
+            charts = planar_charts(corners, section, texel_size)
+        else:
+            charts = object_charts(corners, texel_size, cache, unwrapper)
     except KilledError as error:
         raise InputError(
             f"{scene.name}: object {scene.object_names[number]!r}: the process that makes its lightmap charts was "
@@ -129,48 +143,69 @@ def _unwrap_object(scene: Scene, number: int, texel_size: float, cache: Path | N
     texels, chart = texel_records(
         corners, scene.normals[members], charts.uv, charts.chart, charts.width, charts.height, span, margin
     )
-    front = _Object(charts, texels, chart)
+    border = chart_border(charts.uv, charts.chart) * margin[:, None]
+    front = _Object(charts, texels, chart, span, border)
     two_sided = scene.two_sided[scene.material[members]]
-    return _with_back(front, corners, scene.normals[members], two_sided, span, margin) if two_sided.any() else front
+    return _with_back(front, corners, scene.normals[members], two_sided, margin) if two_sided.any() else front
 
 
 def _with_back(
-    front: _Object,
-    corners: np.ndarray,
-    normals: np.ndarray,
-    two_sided: np.ndarray,
-    span: np.ndarray,
-    margin: np.ndarray,
+    front: _Object, corners: np.ndarray, normals: np.ndarray, two_sided: np.ndarray, margin: np.ndarray
 ) -> _Object:
     """A map with texels for the backs of the triangles that are `two_sided` (F,), below those of the fronts.
 
     They lie at the same places of the surface, on its other side, in charts of their own.
     """
     charts, turned = front.charts, [0, 2, 1]
+    rows, before = charts.height + GAP, int(charts.chart.max()) + 1
+    backs = ChartedTriangles(
+        corners=corners[two_sided][:, turned],
+        normals=-normals[two_sided][:, turned],
+        uv=charts.uv[two_sided][:, turned],
+        chart=charts.chart[two_sided],
+        span=front.span[two_sided],
+        border=front.border[two_sided][:, [2, 1, 0]],  # edge k goes from corner k to the next
+    )
     texels, chart = texel_records(
-        corners[two_sided][:, turned],
-        -normals[two_sided][:, turned],
-        charts.uv[two_sided][:, turned],
-        charts.chart[two_sided],
+        backs.corners,
+        backs.normals,
+        backs.uv,
+        backs.chart,
         charts.width,
         charts.height,
-        span[two_sided],
+        backs.span,
         margin[two_sided],
     )
     gap = GAP * charts.width
-    behind = np.where(chart >= 0, chart + charts.chart.max() + 1, -1)
-    return _Object(
-        replace(charts, height=2 * charts.height + GAP),
-        np.concatenate([front.texels, np.zeros(gap, dtype=TEXEL), texels]),
-        np.concatenate([front.chart, np.full(gap, -1, dtype=np.int32), behind]).astype(np.int32),
-        charts.height + GAP,
+    behind = np.where(chart >= 0, chart + before, -1)
+    return replace(
+        front,
+        charts=replace(charts, height=2 * charts.height + GAP),
+        texels=np.concatenate([front.texels, np.zeros(gap, dtype=TEXEL), texels]),
+        chart=np.concatenate([front.chart, np.full(gap, -1, dtype=np.int32), behind]).astype(np.int32),
+        back_rows=rows,
+        backs=replace(backs, uv=backs.uv + np.float32([0, rows]), chart=backs.chart + before),
     )
+
+
+def _with_backs(fronts: ChartedTriangles, objects: list[_Object], charts_before: np.ndarray) -> ChartedTriangles:
+    """The triangles of a scene, and behind them those of all backs."""
+    backs = [
+        replace(item.backs, chart=item.backs.chart + before)
+        for item, before in zip(objects, charts_before, strict=True)
+        if item.backs is not None
+    ]
+    together = {
+        each.name: np.concatenate([getattr(part, each.name) for part in (fronts, *backs)]) for each in fields(fronts)
+    }
+    return ChartedTriangles(**together)
 
 
 def _empty_map(faces: int) -> _Object:
     """The map of an object that has no lightmap: one texel outside all charts, so that every object has a place."""
     charts = ObjectCharts(1, 1, np.zeros((faces, 3, 2), dtype=np.float32), np.full(faces, -1, dtype=np.int32))
-    return _Object(charts, np.zeros(1, dtype=TEXEL), np.full(1, -1, dtype=np.int32))
+    none = np.zeros(faces, dtype=np.float32)
+    return _Object(charts, np.zeros(1, dtype=TEXEL), np.full(1, -1, dtype=np.int32), none, np.zeros((faces, 3)))
 
 
 def _area(scene: Scene) -> float:

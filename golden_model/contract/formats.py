@@ -335,17 +335,20 @@ GBUFFER = np.dtype(
 PIXEL = np.dtype([("depth", F4), ("normal", F2, (3,)), ("lod", I2), ("reserved", U4)])
 
 # --- lightmap maintenance -----------------------------------------------------------------------------------------
-# The maintained texel, 20 bytes in hardware: irradiance RGB; the frame of the last update, modulo 65536; `number`, the
-# updates it has had, modulo 4096: it selects the run of the sequences; `count`, the samples in the running average: it
-# stops at 255 and is 0 where nothing is known; `heavy`, how many updates still to come weigh more after a change;
-# `noticed`, the last sample departed from the average by more than is usual. In 1/256ths and up to 4095: `deviation`,
-# the running mean of |sample - average| over the average; `spread`, the standard error of the last sample over itself.
+# The maintained texel, 20 bytes in hardware: irradiance RGB; the frame of the last update, modulo FRAMES; `number`, the
+# updates it has had, modulo 4096: it selects the run of the sequences; `count`, the samples that the running average is
+# worth, in 16ths: it stops at 4095 and is 0 where nothing is known; `heavy`, how many updates still to come weigh more
+# after a change; `noticed`, the last sample departed from the average by more than is usual. In 1/256ths and up to
+# 4095: `deviation`, the running mean of |sample - average| over the average; `spread`, the standard error of the last
+# sample over itself.
+FRAMES = 4096
+"""The frames of updates are numbered modulo FRAMES."""
 TEXEL_STATE = np.dtype(
     [
         ("irradiance", F4, (3,)),
-        ("frame", U2),
+        ("frame", bits(12)),
         ("number", bits(12)),
-        ("count", bits(8)),
+        ("count", bits(12)),
         ("heavy", bits(3)),
         ("noticed", BOOL),
         ("deviation", bits(12)),
@@ -362,15 +365,19 @@ RELATIVE_BITS = 8
 """Bits after the point of `deviation` and `spread`."""
 RELATIVE_MAX = 4095
 """Where they stop: 12 bits."""
-COUNT_MAX = 255
+COUNT_BITS = 4
+"""Bits after the point of `count`."""
+ONE_SAMPLE = 1 << COUNT_BITS
+"""What a sample adds to `count`."""
+COUNT_MAX = 4095
 """Where `count` stops."""
 NOTICE_BITS = 4
 """Bits after the point of `notice_factor`."""
 
 # What the rays of one update of a texel add up to, in fixed point; up to 8192 rays (`accumulate`). `total` RGB has
 # `fraction` bits after the point, a number of the scene. `sums` are those of the contributions' luminance, `squares` of
-# its square, `rays` how many there were, those that brought nothing included: of the rays over the hemisphere, and of
-# those to lights (0 of these where no such rays are).
+# its square, `rays` how many there were, those that brought nothing included: of the rays over the hemisphere with what
+# follows them, and of those to lights (0 of these where no such rays are).
 RAY_GROUPS = 2
 SAMPLE_SUMS = np.dtype(
     [
@@ -386,7 +393,7 @@ SAMPLE_SUMS = np.dtype(
 TEXEL_BLEND = np.dtype(
     [
         ("irradiance", F4, (3,)),
-        ("count", bits(8)),
+        ("count", bits(12)),
         ("heavy", bits(3)),
         ("deviation", bits(12)),
         *((name, SAMPLE_SUMS[name]) for name in SAMPLE_SUMS.names or ()),
@@ -401,7 +408,7 @@ TEXEL_BLEND = np.dtype(
 TEXEL_BLENDED = np.dtype(
     [
         ("irradiance", F4, (3,)),
-        ("count", bits(8)),
+        ("count", bits(12)),
         ("heavy", bits(3)),
         ("noticed", BOOL),
         ("deviation", bits(12)),
@@ -411,7 +418,7 @@ TEXEL_BLENDED = np.dtype(
 
 # --- texel visibility ---------------------------------------------------------------------------------------------
 # A texel and a view: its surface point and unit normal, the camera (`pinhole.View`), the side of a texel in the scene's
-# unit, what of the policy bears on tolerances (`policy.Policy`); `depth_fixed` is depth_texels sides of a texel.
+# unit, how far below its horizon a texel still counts as facing the eye (`policy.Policy`).
 SCREEN_BITS = 15
 """Of a picture's sides, 1 to 16384 pixels, and of rows and columns."""
 SHORTEST = np.float32(2.0**-40)
@@ -435,33 +442,40 @@ TEXEL_PROJECT = np.dtype(
         ("height", bits(SCREEN_BITS)),
         ("texel_size", F4),
         ("facing_slack", F4),
-        ("depth_slopes", F4),
-        ("depth_limit", F4),
-        ("depth_relative", F4),
-        ("depth_fixed", F4),
     ]
 )
 
-# Where it lies on the screen: the two columns and the two rows of the four pixels around it, its depth, and by how much
-# depths may differ that match. All zero where it is not `visible`: it faces away, is too near or off the screen.
+# Where it lies on the screen: the two columns and the two rows of the four pixels around it, its depth, the height of
+# the eye above the texel's plane, and how far off the screen it is in pixels, less than 0 on it. All zero where it is
+# not `visible`: it faces away, is too near or off the screen.
 TEXEL_PLACE = np.dtype(
     [
         ("visible", BOOL),
         ("depth", F4),
-        ("tolerance", F4),
+        ("above", F4),
+        ("outside", F4),
         ("column", bits(SCREEN_BITS), (2,)),
         ("row", bits(SCREEN_BITS), (2,)),
     ]
 )
 
-# Such a texel and its four pixels, row by row, each as in PIXEL; the tests of the policy. What they say: the degree
-# (UNSEEN to SEEN), and of a seen texel the level of detail, in whole levels.
+# Such a texel, what of the view and of the policy says by how much depths may differ that match (`depth_fixed` is
+# depth_texels sides of a texel), and its four pixels, row by row, each as in PIXEL; the tests of the policy. What they
+# say: the degree (UNSEEN to SEEN), and of a seen texel the level of detail, in whole levels.
 TAPS = 4
 TEXEL_MATCH = np.dtype(
     [
         ("normal", F4, (3,)),
         ("depth", F4),
-        ("tolerance", F4),
+        ("above", F4),
+        ("outside", F4),
+        ("right", F4, (3,)),
+        ("up", F4, (3,)),
+        ("focal", F4),
+        ("depth_slopes", F4),
+        ("depth_limit", F4),
+        ("depth_relative", F4),
+        ("depth_fixed", F4),
         ("pixel_depth", F4, (TAPS,)),
         ("pixel_normal", F2, (3 * TAPS,)),
         ("pixel_lod", I2, (TAPS,)),
@@ -476,16 +490,18 @@ TEXEL_MATCHED = np.dtype([("degree", bits(2)), ("lod", bits(2))])
 
 # --- influence ----------------------------------------------------------------------------------------------------
 # Where something that changed can matter to light ([0079] to [0083]). `kind` is 0 for a volume, 1 for a shadow, 2 for
-# a footprint; `object` what changed (-1: a point light), `level` the highest change level it causes, `surface` the
-# object whose map alone it concerns (-1: all), `facing` says that only texels turned towards the box count. A volume
-# is the box from `low` to `high` with its reach beyond each side. A shadow is the box that may lie between a texel and
-# the light around `light`, of half the size `light_half`, by which the box is larger already. A footprint is the ball
-# around `low` of radius `reach_low`.
+# a footprint; `object` what changed (-1: a point light), `level` the highest change level it causes; where that is 3,
+# its 2**octaves-th part is what light is expected to change by in this frame, and of each level below a quarter of it.
+# `surface` is the object whose map alone it concerns (-1: all), `facing` says that only texels turned towards the box
+# count. A volume is the box from `low` to `high` with its reach beyond each side. A shadow is the box that may lie
+# between a texel and the light around `light`, of half the size `light_half`, by which the box is larger already. A
+# footprint is the ball around `low` of radius `reach_low`.
 INFLUENCE = np.dtype(
     [
         ("kind", bits(2)),
         ("facing", BOOL),
         ("level", bits(2)),
+        ("octaves", bits(3)),
         ("object", I4),
         ("surface", I4),
         ("low", F4, (3,)),

@@ -144,7 +144,7 @@ UNITS = OPERATORS | _by_name(
     ),
     Unit(
         name="texel_project",
-        summary="where on the screen a texel lies, how deep, and how precisely",
+        summary="where on the screen a texel lies, how deep, and how high the eye is above it",
         input=_F.TEXEL_PROJECT,
         output=_F.TEXEL_PLACE,
         config=(*_operators("add", "multiply", "divide", "compare", "convert"), "texel.project_interval"),
@@ -154,7 +154,7 @@ UNITS = OPERATORS | _by_name(
         summary="whether a texel is what the four pixels around it see",
         input=_F.TEXEL_MATCH,
         output=_F.TEXEL_MATCHED,
-        config=(*_operators("add", "multiply", "compare", "convert"), "texel.match_interval"),
+        config=(*_operators("add", "multiply", "divide", "compare", "convert"), "texel.match_interval"),
     ),
     Unit(
         name="texel_blend",

@@ -77,6 +77,8 @@ class FrameRayFigures:
     waves: int = 0
     dropped: int = 0
     """Not traced, because too little would reach the eye or because the path had met its last mirror."""
+    clipped: int = 0
+    """What rays brought that was brighter than the buffer holds: light that is lost."""
 
     @property
     def total(self) -> int:
@@ -171,7 +173,7 @@ class FrameRays:
     def _go_on(self, pixel: np.ndarray, onward: Onward, weight: np.ndarray) -> None:
         """Puts rays into the next wave, but those that are not worth it."""
         self._bounce += 1
-        enough = weight.max(axis=1) > np.float32(self.options.cutoff)
+        enough = np.asarray((weight > np.float32(self.options.cutoff)).any(axis=1))
         if self._bounce > self.options.bounces:
             enough[:] = False
         kept = np.flatnonzero(enough)
@@ -200,11 +202,17 @@ class FrameRays:
         """Takes the results of the wave: adds to the buffer what they bring and prepares the next wave."""
         specular, shadows = self._flying
         self._flying = None, []
+        self._add_shadows(collector, shadows)
+        if specular is not None:
+            self._shade(collector, specular)
+        self.figures.clipped = self.buffer.clipped
+
+    def _add_shadows(self, collector: Collector, shadows: list[_Shadows]) -> None:
         for shadow in shadows:
             arrived = np.flatnonzero(collector.hits(shadow.ticket)["primitive"] < 0)
             self.buffer.add(shadow.pixel[arrived], shadow.value[arrived])
-        if specular is None:
-            return
+
+    def _shade(self, collector: Collector, specular: _Specular) -> None:
         options, onward, coarse = self.options, specular.onward, self.options.coarse_specular
         hits = collector.hits(specular.ticket)
         both = self._bounce < options.split

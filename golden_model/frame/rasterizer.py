@@ -26,7 +26,7 @@ from lightloom.golden_model.contract.formats import GBUFFER
 from lightloom.golden_model.frame.clipping import clip_triangles
 from lightloom.golden_model.frame.tiles import TILE_SIDES, bin_triangles, by_tile, runs
 from lightloom.golden_model.host.errors import InputError
-from lightloom.golden_model.numerics.floats import float_to_fixed, flush, quiet
+from lightloom.golden_model.numerics.floats import float_minmax, float_to_fixed, flush, quiet
 from lightloom.golden_model.numerics.structured import put
 from lightloom.golden_model.scene.pinhole import View, to_view
 
@@ -416,7 +416,7 @@ class _Attributes:
             for d_u, d_v in slopes:
                 step = [flush(flush(d_u * along_u[axis]) + flush(d_v * along_v[axis])) for axis in range(2)]
                 squares.append(flush(flush(step[0] * step[0]) + flush(step[1] * step[1])))
-            out[lod] = _half_logarithm(np.maximum(*squares))
+            out[lod] = _half_logarithm(float_minmax(squares[0], squares[1], True))
         if self._back_rows is not None:
             rows = np.where(out["front"], np.float32(0), self._back_rows[row])
             out["lightmap"][:, 1] = flush(out["lightmap"][:, 1] + rows)
@@ -498,7 +498,7 @@ def level_of_detail(across: np.ndarray, down: np.ndarray) -> np.ndarray:
     def square(g: np.ndarray) -> np.ndarray:
         return flush(flush(g[:, 0] * g[:, 0]) + flush(g[:, 1] * g[:, 1]))
 
-    return _half_logarithm(np.maximum(square(across), square(down)))
+    return _half_logarithm(float_minmax(square(across), square(down), True))
 
 
 def _half_logarithm(square: np.ndarray) -> np.ndarray:

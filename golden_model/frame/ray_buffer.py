@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lightloom.golden_model.numerics.floats import float_to_fixed
+from lightloom.golden_model.numerics.floats import beyond_fixed, float_to_fixed
 
 
 class RayBuffer:
@@ -13,9 +13,12 @@ class RayBuffer:
         self.height, self.width, self.fraction = height, width, fraction
         self.total = np.zeros((height * width, 3), dtype=np.int64)
         """Row by row from the top; 32 bits and one for each doubling of the rays that a pixel may get."""
+        self.clipped = 0
+        """Values that were too bright, in any colour: light that is lost."""
 
     def add(self, pixel: np.ndarray, value: np.ndarray) -> None:
         """Adds values (N, 3) float32 to pixels (N,): each rounded to the fixed point, saturating at 32 bits."""
+        self.clipped += int(np.count_nonzero(beyond_fixed(value, self.fraction).any(axis=1)))
         np.add.at(self.total, pixel, float_to_fixed(value, self.fraction).astype(np.int64))
 
     def values(self) -> np.ndarray:

@@ -67,6 +67,9 @@ class Machine:
     overlap_shading: int = number(
         0, 0, 1, "1: shading of a tile starts when its surfaces are known; 0: when those of the whole frame are"
     )
+    early_selection: int = number(
+        0, 0, 1, "1: selection looks at the surfaces of the frame before; 0: it waits for those of its own frame"
+    )
 
     raster_share: int = number(
         192,

@@ -1,14 +1,16 @@
 """Lays the work of many frames out in time on a machine ([0048] to [0053], claims 6 and 7, FIG. 3 to 5).
 
 Several frames are in flight. The stages of one depend on each other as in FIG. 5; a unit works on the oldest frame that
-has something for it. Maintenance of the lightmaps depends on a frame's geometry and acceleration structure, not on its
-surfaces, and runs beside the stages: it has a share of the ray tracer and of the shader cores whenever it has work, a
-larger one while the rasterizer works, and all of them where the frames have none.
+has something for it. Maintenance of the lightmaps runs beside the stages: it has a share of the ray tracer and of the
+shader cores whenever it has work, a larger one while the rasterizer works, and all of them where the frames have none.
 
     input ► geometry ┬► visible surfaces ┬► fragment shading ─► fragment rays ┬► ray shading ► blending ► output
-                     │                   └► frame shader ─────► frame rays ───┘
-                     ├► structure (before any rays)
-                     └► selection ► lightmap rays ► lightmap shading ► lightmap update ► version k + versions - 1
+                     │                   ├► frame shader ─────► frame rays ───┘
+                     │                   └► selection ► lightmap rays ► lightmap shading ► lightmap update
+                     └► structure (before any rays)
+
+The update completes version k + versions - 1. With `Machine.early_selection` selection looks at the surfaces of the
+frame before instead: maintenance then depends on a frame's geometry and acceleration structure alone ([0052]).
 
 What streams (rays to their shading, for example) may start as soon as what it follows has started, and cannot end
 before it. All times are integer cycles; nothing depends on the host.
@@ -291,13 +293,16 @@ def _tasks(machine: Machine, counts: Sequence[FrameCounts]) -> list[dict[str, _T
         for stage in ("fragment shading", "frame shader"):
             surfaces = tasks["visible surfaces"]
             (tasks[stage].following if machine.overlap_shading else tasks[stage].after).append(surfaces)
+        if not machine.early_selection:
+            tasks["selection"].after.append(tasks["visible surfaces"])
         if k:
             before = frames[k - 1]
             tasks["input"].after.append(before["input"])
             tasks["output"].after.append(before["output"])
-            # Selection reads the surfaces of the frame before; version k - 1 is read until its shading is done.
-            readers = ("visible surfaces", *READERS, "lightmap update")
-            tasks["selection"].after += [before[name] for name in readers]
+            # Version k - 1 is read until the shading of its frame is done.
+            tasks["selection"].after += [before[name] for name in (*READERS, "lightmap update")]
+            if machine.early_selection:
+                tasks["selection"].after.append(before["visible surfaces"])
         if k >= machine.frames_in_flight:
             tasks["input"].earliest = None
         frames.append(tasks)

@@ -11,6 +11,7 @@ from lightloom.golden_model.contract.formats import TEXEL_STATE
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.maintenance.drift import departures
 from lightloom.golden_model.maintenance.publishing.publisher import LARGEST_HALF
+from lightloom.golden_model.maintenance.sampling.confidence import lower
 from lightloom.golden_model.maintenance.sampling.gather import Gathered, World, gather
 from lightloom.golden_model.maintenance.sampling.running_average import blend_texels, drop, mark_heavy
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
@@ -21,6 +22,7 @@ from lightloom.golden_model.rays.collector import Collector
 from lightloom.golden_model.rays.waves import Waves
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.scene.sides import firsts_first, sides_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,8 +31,8 @@ class Maintenance:
 
     texels: np.ndarray
     """Numbers of the texels updated, each once, in the order of their updates, (M,) int64."""
-    dropped: np.ndarray
-    """Texels whose values were dropped because their light has changed, (D,) int64."""
+    stale: np.ndarray
+    """Texels of which little or nothing is known any more because their light has changed, (D,) int64, rising."""
     rays: dict[str, int]
     """Rays traced by kind: "indirect", "specular" (on from mirrors and glass), "shadow", "visibility", "footprints";
     together at most the budget."""
@@ -75,19 +77,21 @@ class Maintainer:
         self.selector = Selector(lightmaps, scene, policy)
         self._owner = lightmaps.texels["object"]
         self._maps = len(lightmaps.width)
+        self._side = sides_of(lightmaps)
         self._departures = np.zeros((2, self._maps), dtype=np.int8)
         """To which side the samples of each map departed from their averages, in the last two frames."""
 
     def prime(self, world: World, first: int, budget: int, collector: Collector, clock: Stopwatch) -> Waves[Primed]:
         """One round before the first frame: the texels from place `first` of the order on, as many as a frame pays for.
 
-        Of those that are there in `world`; after the last comes the first again, so `first` may be any number. They are
-        sampled anew: what earlier rounds found of them is dropped. Rounds from place 0 on all take the same rays, so
-        that their light can be compared.
+        First comes one of each side, because no other shows what it finds (`filling`), then the others; of those that
+        are there in `world`. After the last comes the first again, so `first` may be any number. They are sampled anew:
+        what earlier rounds found of them is dropped. Rounds from place 0 on all take the same rays, so that their light
+        can be compared.
         """
         if first == 0:
             self.state["number"] = 0
-        order = self.present(world)
+        order = firsts_first(self._side, self.present(world))
         waiting = np.roll(order, -(first % max(len(order), 1)))[: budget // self.sampling.directions]
         forget = partial(drop, self.state)
         spent = yield from self._spend(world, waiting, budget, 0, collector, clock, forget)
@@ -110,8 +114,7 @@ class Maintainer:
             reserve = self.sampling.reserve(world.scene.specular)
             plan = self.selector.plan(context, budget, reserve, self.sampling.directions)
             plan.mark(self.state, self.policy.heavy_updates)
-            dropped = np.flatnonzero(plan.influence >= self.policy.drop_level)
-            drop(self.state, dropped)
+            stale = lower(self.state, plan.expected)
         drifting = self._drifting_maps()
         waiting = np.concatenate([plan.texel, plan.spare])
 
@@ -129,7 +132,7 @@ class Maintainer:
         rays = Counter(plan.rays)
         rays.update(spent.rays)
         return Maintenance(
-            texels=waiting[: spent.updated], dropped=dropped, rays=dict(rays), clipped=spent.clipped, plan=plan
+            texels=waiting[: spent.updated], stale=stale, rays=dict(rays), clipped=spent.clipped, plan=plan
         )
 
     def _spend(

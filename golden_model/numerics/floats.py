@@ -103,7 +103,7 @@ def float_compare(a: Array, b: Array) -> tuple[Array, Array, Array, Array]:
 
 
 @quiet
-def float_minmax(a: Array, b: Array, maximum: Array | bool = False) -> Array:
+def float_minmax(a: Array, b: Array | np.float32, maximum: Array | bool = False) -> Array:
     """IEEE 754-2019 minimumNumber, or maximumNumber where `maximum` (bool).
 
     A NaN loses against a number; two NaN give the NaN. -0 is less than +0.
@@ -146,6 +146,12 @@ def float_to_fixed_down(a: Array, fraction: Array | int = 0) -> Array:
     """
     scaled = np.floor(np.ldexp(flush(np.asarray(a)).astype(np.float64), np.asarray(fraction, dtype=np.int32)))
     return np.clip(np.where(np.isnan(scaled), 0.0, scaled), -(2.0**31), 2.0**31 - 1).astype(np.int32)
+
+
+@quiet
+def beyond_fixed(a: Array, fraction: int = 0) -> Array:
+    """Whether `a` is too large for `float_to_fixed`, which then stops at its largest number: bool."""
+    return np.asarray(flush(np.asarray(a)) >= np.float32(2.0 ** (31 - fraction)))
 
 
 @quiet

@@ -22,7 +22,7 @@ import numpy as np
 
 from lightloom.golden_model.contract.formats import HIT
 from lightloom.golden_model.host.errors import InputError
-from lightloom.golden_model.numerics.floats import flush, quiet
+from lightloom.golden_model.numerics.floats import float_to_fixed_down, flush, quiet
 from lightloom.golden_model.numerics.structured import join, put, take
 from lightloom.golden_model.scene.scene import Scene
 
@@ -145,11 +145,10 @@ class Collector:
         key = kind.copy()
         for axis in range(3):
             key = (key << np.uint32(1)) | np.signbit(rays["direction"][:, axis])
-        largest = np.float32(self.packing.cells - 1)
         for axis in range(3):
             place = flush(flush(rays["origin"][:, axis] - self._low[axis]) * self._per_cell[axis])
             # A NaN, which no ray from a surface has, belongs to cell 0.
-            cell = np.fmax(np.fmin(place, largest), np.float32(0)).astype(np.uint32)
+            cell = np.clip(float_to_fixed_down(place), 0, self.packing.cells - 1).astype(np.uint32)
             key = key * np.uint32(self.packing.cells) + cell
         return key
 

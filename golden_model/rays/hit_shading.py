@@ -21,7 +21,7 @@ import numpy as np
 
 from lightloom.golden_model.contract.formats import RAY
 from lightloom.golden_model.numerics.counter_rng import hash_u32, uniform
-from lightloom.golden_model.numerics.floats import flush, quiet
+from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.structured import take
 from lightloom.golden_model.numerics.vectors import add, dot, normalize, scale
 from lightloom.golden_model.rays.hit_surface import surface_at
@@ -138,10 +138,10 @@ def scatter(
     # The interpolated normal has to face the ray; the triangle's own does, being the side that was hit.
     turned = dot(facing, incoming) < 0
     normal = np.where(turned[:, None], facing, wall)
-    cosine = np.maximum(-dot(normal, incoming), np.float32(0))
+    cosine = float_minmax(-dot(normal, incoming), np.float32(0), True)
 
     mirrored = add(incoming, scale(normal, flush(cosine + cosine)))
-    own_cosine = np.maximum(-dot(wall, incoming), np.float32(0))
+    own_cosine = float_minmax(-dot(wall, incoming), np.float32(0), True)
     astray = dot(mirrored, wall) <= 0
     mirrored = np.where(astray[:, None], add(incoming, scale(wall, flush(own_cosine + own_cosine))), mirrored)
 
@@ -199,7 +199,8 @@ def _refracted(incoming: np.ndarray, normal: np.ndarray, cosine: np.ndarray, eta
 def _inner_cosine(cosine: np.ndarray, eta: np.ndarray) -> np.ndarray:
     """Cosine of the refracted direction, (N,) float32; NaN where totally reflected."""
     sine2 = flush(flush(eta * eta) * flush(flush(np.float32(1) - cosine) * flush(np.float32(1) + cosine)))
-    return np.where(sine2 < 1, np.sqrt(flush(np.float32(1) - np.maximum(sine2, np.float32(0)))), np.float32(np.nan))
+    squared = flush(np.float32(1) - float_minmax(sine2, np.float32(0), True))
+    return np.where(sine2 < 1, np.sqrt(squared), np.float32(np.nan))
 
 
 @quiet
@@ -214,7 +215,7 @@ def fresnel(cosine: np.ndarray, eta: np.ndarray) -> np.ndarray:
     across = flush(flush(near - inner) / flush(near + inner))
     along = flush(flush(cosine - far) / flush(cosine + far))
     mean = flush(flush(flush(across * across) + flush(along * along)) * np.float32(0.5))
-    return np.where(np.isfinite(mean), np.minimum(mean, np.float32(1)), np.float32(1))
+    return float_minmax(mean, np.float32(1))
 
 
 @quiet

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightloom.golden_model.numerics.floats import flush, quiet
+from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.vectors import add, cross, interpolate, normalize, scale, subtract
 from lightloom.golden_model.scene.ray_offset import ray_start
 from lightloom.golden_model.scene.scene import Scene
@@ -59,5 +59,6 @@ def unit_normal(edge1: np.ndarray, edge2: np.ndarray) -> np.ndarray:
     """Unit normals (N, 3) float32 of triangles with these edges (N, 3) from their first corners."""
     area = cross(edge1, edge2)
     # Its largest component made 1 first: the square of a small triangle's area would be flushed.
-    largest = np.maximum(np.maximum(np.abs(area[:, 0]), np.abs(area[:, 1])), np.abs(area[:, 2]))
+    size = np.abs(area)
+    largest = float_minmax(float_minmax(size[:, 0], size[:, 1], True), size[:, 2], True)
     return normalize(flush(area / largest[:, None]))

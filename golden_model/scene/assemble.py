@@ -9,6 +9,7 @@ import numpy as np
 from lightloom.golden_model.contract.formats import POINT_LIGHT, TRIANGLE
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.numerics.vectors import vector
+from lightloom.golden_model.scene.cuts import cut_parts
 from lightloom.golden_model.scene.keyframes import REST, LightPath
 from lightloom.golden_model.scene.mesh import closed, shading_normals, usable_parts
 from lightloom.golden_model.scene.parts import Part
@@ -44,6 +45,8 @@ def assemble(
             f"{where}: coordinates must lie within +-{LARGEST:.0e} and span {SMALLEST:.0e}; scale the scene"
         )
 
+    size = float((high - low).max()) / 64 if texel_size is None else texel_size
+    parts = cut_parts(parts, size)
     fine = _assembled(
         parts,
         name=name,
@@ -51,7 +54,7 @@ def assemble(
         camera=framing_camera(low, high) if camera is None else camera,
         camera_path=camera_path,
         light_path=light_path,
-        texel_size=float((high - low).max()) / 64 if texel_size is None else texel_size,
+        texel_size=size,
     )
     if fine.reach > LARGEST:
         raise InputError(f"{where}: a path leads beyond +-{LARGEST:.0e}; shorten it")
@@ -103,6 +106,7 @@ def _triangles(parts: Sequence[Part]) -> dict[str, Any]:
     corners = np.concatenate([p.corners for p in parts]).astype(np.float32)
     for k in range(3):
         triangles[f"v{k}"] = corners[:, k]
+    whole = [np.full(len(p.corners), -1, dtype=np.int32) for p in parts]
     none = [np.zeros((len(p.corners), 3, 2), dtype=np.float32) for p in parts]
     return {
         "triangles": triangles,
@@ -111,6 +115,9 @@ def _triangles(parts: Sequence[Part]) -> dict[str, Any]:
         "material": np.concatenate(
             [p.material + first for p, first in zip(parts, first_material, strict=False)]
         ).astype(np.int32),
+        "section": np.concatenate(
+            [empty if p.section is None else p.section for p, empty in zip(parts, whole, strict=True)]
+        ),
         "texture_uv": np.concatenate(
             [empty if p.texture_uv is None else p.texture_uv for p, empty in zip(parts, none, strict=True)]
         ),

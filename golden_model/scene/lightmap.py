@@ -18,6 +18,8 @@ from lightloom.golden_model.scene.scene import Scene
 
 EMPTY, VALID, BURIED = 0, 1, 2
 """States of a texel; see `golden_model.contract.formats.TEXEL`."""
+RIGHT, DOWN = 1, 2
+"""Bits of a texel's links: to the next one of its row, and to the one below."""
 PLACE_BITS = 8
 """Of a place between two texels, after the point: a bilinear read has weights of twice as many."""
 _ONE = 1 << PLACE_BITS
@@ -47,6 +49,27 @@ class Lightmaps:
     """Rows from the texels of fronts to those of backs, (O,) int32; 0 where backs have none. None: nowhere."""
     deepest: np.ndarray | None = None
     """Coarsest level that may be read at each texel (`golden_model.charts.read_levels`), (N,) uint8; None: any."""
+
+    links: np.ndarray | None = None
+    """RIGHT and DOWN: which neighbours each texel is joined to (`golden_model.charts.links`), (N,) uint8.
+
+    None: to those of its chart.
+    """
+
+
+def joined(lightmaps: Lightmaps) -> tuple[np.ndarray, np.ndarray]:
+    """Whether each texel is joined to the one to its right, and to the one below, (N,) bool each."""
+    if lightmaps.links is not None:
+        return (lightmaps.links & RIGHT) > 0, (lightmaps.links & DOWN) > 0
+    owner, chart = lightmaps.texels["object"], lightmaps.chart
+    number = np.arange(len(chart))
+    width = lightmaps.width[owner].astype(np.int64)
+    row, column = np.divmod(number - lightmaps.offset[owner], width)
+    out = []
+    for there, step in ((column < width - 1, 1), (row < lightmaps.height[owner] - 1, width)):
+        other = np.where(there, number + step, number)
+        out.append(there & (chart == chart[other]) & (chart >= 0))
+    return out[0], out[1]
 
 
 def lightmap_coordinates(lightmaps: Lightmaps, primitive: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:

@@ -298,7 +298,7 @@ def _in_front(lights: Lights, light: np.ndarray, target: np.ndarray, toward: np.
     whether the light is met depends there on how far t reaches, not on its sign alone.
     """
     size = np.abs(toward)
-    length = np.maximum(np.maximum(size[..., 0], size[..., 1]), size[..., 2])
+    length = float_minmax(float_minmax(size[..., 0], size[..., 1], True), size[..., 2], True)
     span = flush(np.float32(2) * flush(length + lights.span[light]))
     return ray_start(target, lights.unit[light], span)
 

@@ -47,5 +47,7 @@ class Part:
     """Texture coordinates at the corners, (F, 3, 2) float32; None: (0, 0) everywhere."""
     path: ObjectPath | None = None
     """Its motion; None: it stays."""
+    section: np.ndarray | None = None
+    """The chart of each triangle, (F,) int32 from 0, where it has been cut (`cuts`); None: charts are to be found."""
     coarse: "Part | None" = None
     """The same object of fewer triangles, with the same materials, for `Scene.coarse`; None: it has no other form."""

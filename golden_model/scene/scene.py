@@ -93,6 +93,8 @@ class Scene:
     """The same for what multiplies the emission; of the same size as the other where a material has both."""
     textures: tuple[np.ndarray, ...] = ()
     """Linear RGB, (H, W, 3) float32 each; row 0 is at the bottom, v = 0. Albedo and emission multiply them."""
+    section: np.ndarray
+    """Chart of each triangle in its object's map, (T,) int32, of an object that has been cut (`cuts`); -1 of others."""
     texture_uv: np.ndarray
     """Texture coordinates at the corners, (T, 3, 2) float32; 1 is the whole picture, which repeats."""
     material_object: np.ndarray

@@ -70,6 +70,12 @@ def bars(report: Mapping[str, Any], before: Mapping[str, Any] | None = None) -> 
         _lag(cases, last),
         _worst("darkened pixels of any frame", 0, cases, lambda case: case["policies"][last]["darkened"]),
         _worst("pixels that jump in any still frame", 0.01, cases, lambda case: case["policies"][last]["jump"]),
+        _worst(
+            "texels that a frame's pixels read and visibility missed",
+            0.005,
+            cases,
+            lambda case: case["policies"][last].get("missed"),
+        ),
         _worst("rays spent over budget, most", 1, cases, lambda case: case["policies"][last]["greatest_share"]),
         _worst(
             "rays spent over budget, least", 0.95, cases, lambda case: case["policies"][last]["least_share"], least=True

@@ -80,7 +80,9 @@ def compare(
     with progress.stage("Film and timelines"):
         judge.write_film()
         # Frames follow each other as fast as they are done, so that their times tell what they cost.
-        free = Machine(refresh_cycles=0, versions=renderers[options.full].pipeline.versions)
+        full = renderers[options.full]
+        early = full.machine.early_selection
+        free = Machine(refresh_cycles=0, versions=full.pipeline.versions, early_selection=early)
         plans = {name: schedule(free, each) for name, each in counts.items()}
         drawn = _write_timeline(plans[options.full], options, folder)
     return comparison_report(scene, lightmaps, options, renderers, rows, plans, lags, true) | {

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from lightloom.golden_model.contract.formats import LIKELY
 from lightloom.golden_model.machine.schedule import Schedule
 from lightloom.golden_model.maintenance.selection.policy import POLICIES
 from lightloom.golden_model.renderer import FrameResult, Renderer
@@ -61,6 +62,7 @@ def frame_row(result: FrameResult, state: np.ndarray, visible: np.ndarray) -> di
         "spent": sum(done.rays.values()),
         "visible": len(visible),
         "on_visible": float(seen[done.texels].mean()) if len(done.texels) else 0.0,
+        "missed": float((done.plan.degree[visible] < LIKELY).mean()) if len(visible) else 0.0,
         "unknown": float(1 - len(known) / len(age)) if len(age) else 0.0,
         "age": float(known.mean()) if len(known) else None,
         "oldest": int(known.max()) if len(known) else None,
@@ -199,6 +201,7 @@ def summary(frames: Sequence[Mapping[str, Any]], budget: int) -> dict[str, Any]:
         "energy": mean("energy"),
         "jump": most("jump"),
         "darkened": most("darkened"),
+        "missed": most("missed"),
         "texels": mean("texels"),
         "on_visible": mean("on_visible"),
         "unknown": mean("unknown"),

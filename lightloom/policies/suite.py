@@ -22,7 +22,7 @@ from lightloom.policies.report import TRUE
 from lightloom.shared.console import Progress, json_text
 from lightloom.shared.provenance import machine, versions
 
-WORST = ("jump", "lag", "lag_turns", "darkened", "oldest", "greatest_share")
+WORST = ("jump", "lag", "lag_turns", "darkened", "missed", "oldest", "greatest_share")
 """Figures of the last policy of which a row has the greatest of all seeds; None: no seed has it."""
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lightloom.golden_model.contract.formats import FRAMES
 from lightloom.golden_model.pictures.images import write_png
 from lightloom.golden_model.pictures.texel_views import colours, map_view, preview
 from lightloom.golden_model.renderer import FrameResult
@@ -80,7 +81,7 @@ class Quantity:
 
 def ages(state: np.ndarray, frame: int) -> np.ndarray:
     """Frames since the last update of each texel, (N,) int64; `UNKNOWN_AGE` for those that have no sample."""
-    age = (frame - state["frame"].astype(np.int64)) % 65536
+    age = (frame - state["frame"].astype(np.int64)) % FRAMES
     return np.where(state["count"] > 0, age, UNKNOWN_AGE)
 
 

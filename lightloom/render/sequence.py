@@ -115,6 +115,8 @@ def render_sequence(
     assert exposure is not None
     if clipped := renderer.priming_clipped + sum(row["clipped"] for row in rows):
         warn(f"{clipped} samples and texels were brighter than the lightmaps hold, so the picture is too dark there")
+    if clipped := sum(row["frame_rays"]["clipped"] for row in rows):
+        warn(f"{clipped} rays of pixels brought more light than the formats hold, so the picture is too dark there")
     return {
         "scene": renderer.scene.name,
         "triangles": len(renderer.scene.triangles),

@@ -7,11 +7,19 @@ from typing import Any
 
 from amaranth import Cat, Mux, Value
 
-from lightloom.golden_model.contract.formats import COUNT_MAX, NOTICE_BITS, RAY_GROUPS, RELATIVE_BITS, RELATIVE_MAX
+from lightloom.golden_model.contract.formats import (
+    COUNT_BITS,
+    COUNT_MAX,
+    NOTICE_BITS,
+    ONE_SAMPLE,
+    RAY_GROUPS,
+    RELATIVE_BITS,
+    RELATIVE_MAX,
+)
 from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.dataflow import Dataflow, DataflowCore, Node
-from lightloom.rtl.intersection.float_flow import ONE, FloatFlow, bits_of
+from lightloom.rtl.intersection.float_flow import FloatFlow, bits_of
 
 WEIGHTS = [bits_of(0.25), bits_of(0.5), bits_of(0.25)]
 """Of red, green and blue in a luminance."""
@@ -45,6 +53,7 @@ class TexelBlend(DataflowCore):
     ) -> Mapping[str, Any]:
         f = FloatFlow(flow, config.operators)
         known = flow.logic("known", lambda count: count.any(), count)
+        whole = flow.logic("whole_samples", lambda count: count[COUNT_BITS:], count)
         wide = [flow.logic(f"total{k}_wide", sign_extended, each) for k, each in enumerate(total)]
         sample = [f.from_fixed64(f"sample{k}", each, fraction) for k, each in enumerate(wide)]
 
@@ -60,20 +69,20 @@ class TexelBlend(DataflowCore):
                 flow.logic(f"irradiance{k}_out", lambda known, moved, new: Mux(known, moved, new), known, *pair)
                 for k, pair in enumerate(zip(moved, sample, strict=True))
             ],
-            "count": flow.logic("count_out", lambda count: Mux(count == COUNT_MAX, COUNT_MAX, count + 1)[:8], count),
+            "count": flow.logic("count_out", one_more, count),
             "heavy": flow.logic("heavy_out", lambda heavy: Mux(heavy.any(), heavy - 1, 0)[:3], heavy),
             "noticed": flow.logic(
                 "noticed_out", noticed, latest, deviation, count, notice_factor, notice_floor, notice_count
             ),
-            "deviation": flow.logic("deviation_out", running_deviation, latest, deviation, count),
+            "deviation": flow.logic("deviation_out", running_deviation, latest, deviation, whole),
             "spread": spread,
         }
 
 
 def _alpha(flow: Dataflow, f: FloatFlow, count: Node, heavy: Node, alpha_min: Node, alpha_heavy: Node) -> Node:
     """The weight of the sample."""
-    samples = f.from_fixed64("samples", flow.logic("count_and_one", lambda count: count + 1, count))
-    alpha = f.maximum("alpha", f.divide("mean", ONE, samples), alpha_min)
+    samples = f.from_fixed64("samples", flow.logic("count_and_one", lambda count: count + ONE_SAMPLE, count))
+    alpha = f.maximum("alpha", f.divide("mean", bits_of(float(ONE_SAMPLE)), samples), alpha_min)
     raised = f.maximum("alpha_raised", alpha, alpha_heavy)
     return flow.logic("weight", lambda heavy, raised, alpha: Mux(heavy.any(), raised, alpha), heavy, raised, alpha)
 
@@ -107,6 +116,12 @@ def _spread(flow: Dataflow, f: FloatFlow, sums: list[Node], squares: list[Node],
     return flow.logic("spread_kept", kept, fixed)
 
 
+def one_more(count: Value) -> Value:
+    """The count after a sample."""
+    more = count + ONE_SAMPLE
+    return Mux(more > COUNT_MAX, COUNT_MAX, more)[: len(count)]
+
+
 def sign_extended(total: Value) -> Value:
     return Cat(total, total[-1].replicate(64 - len(total)))
 
@@ -120,11 +135,11 @@ def kept(fixed: Value) -> Value:
 def noticed(latest: Value, usual: Value, count: Value, factor: Value, floor: Value, least: Value) -> Value:
     """Whether a sample departs from an average that is a measure by more than is usual."""
     limit = factor * usual + (floor << NOTICE_BITS)
-    return count.any() & (count >= least) & ((latest << NOTICE_BITS) > limit)
+    return count.any() & (count[COUNT_BITS:] >= least) & ((latest << NOTICE_BITS) > limit)
 
 
 def running_deviation(latest: Value, usual: Value, count: Value) -> Value:
-    """The mean of deviations after one more, whose weight is 1, 1/2, 1/4 or 1/8; the step is rounded away from zero."""
+    """The mean of `count` deviations after one more: its weight is 1, 1/2, 1/4 or 1/8, the step rounded away from 0."""
     difference = latest - usual
     negative = difference[-1]
     magnitude = (difference ^ negative.replicate(len(difference)))[:RELATIVE_WIDTH] + negative

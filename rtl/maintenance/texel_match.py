@@ -7,15 +7,15 @@ from typing import Any
 
 from amaranth import Mux, Value
 
-from lightloom.golden_model.contract.formats import HIDDEN, LIKELY, LOD_BITS, SEEN, TAPS
+from lightloom.golden_model.contract.formats import HIDDEN, LIKELY, LOD_BITS, SEEN, SHORTEST, TAPS
 from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.dataflow import Dataflow, DataflowCore, Node
-from lightloom.rtl.intersection.float_flow import FloatFlow, bits_of
+from lightloom.rtl.intersection.float_flow import ONE, FloatFlow, bits_of
 
 
 class TexelMatch(DataflowCore):
-    """13 multiplications, 12 additions, 12 comparisons."""
+    """24 multiplications, 20 additions, a division, 12 comparisons."""
 
     declared = PURE["texel_match"]
 
@@ -26,7 +26,15 @@ class TexelMatch(DataflowCore):
         *,
         normal: list[Node],
         depth: Node,
-        tolerance: Node,
+        above: Node,
+        outside: Node,
+        right: list[Node],
+        up: list[Node],
+        focal: Node,
+        depth_slopes: Node,
+        depth_limit: Node,
+        depth_relative: Node,
+        depth_fixed: Node,
         pixel_depth: list[Node],
         pixel_normal: list[Node],
         pixel_lod: list[Node],
@@ -37,6 +45,15 @@ class TexelMatch(DataflowCore):
         lod_levels: Node,
     ) -> Mapping[str, Any]:
         f = FloatFlow(flow, config.operators)
+        leaning = [f.absolute(f"lean_{k}", f.dot(f"normal_{k}", normal, axis)) for k, axis in enumerate((right, up))]
+        lean = f.multiply("lean_depth", f.add("lean", *leaning), depth)
+        distance = f.multiply("distance", focal, f.absolute("height", above))
+        steep = f.divide("steep", lean, f.maximum("distance_kept", distance, bits_of(SHORTEST)))
+        margin = f.add("margin", ONE, f.maximum("outside_kept", outside, bits_of(0)))
+        reach = f.multiply("reach", margin, depth_slopes)
+        slope = f.minimum("slope", f.multiply("rise", steep, reach), depth_limit)
+        relative = f.multiply("relative", f.add("slope_relative", slope, depth_relative), depth)
+        tolerance = f.add("tolerance", relative, depth_fixed)
         doubt = f.multiply("doubt", tolerance, depth_doubt)
 
         def outcome(k: int) -> Node:

@@ -7,15 +7,15 @@ from typing import Any
 
 from amaranth import Cat, Mux, Value
 
-from lightloom.golden_model.contract.formats import SCREEN_BITS, SHORTEST
+from lightloom.golden_model.contract.formats import SCREEN_BITS
 from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.dataflow import Dataflow, DataflowCore, Node
-from lightloom.rtl.intersection.float_flow import ONE, FloatFlow, bits_of
+from lightloom.rtl.intersection.float_flow import FloatFlow
 
 
 class TexelProject(DataflowCore):
-    """27 multiplications, 23 additions, 2 divisions."""
+    """15 multiplications, 15 additions, a division."""
 
     declared = PURE["texel_project"]
 
@@ -36,10 +36,6 @@ class TexelProject(DataflowCore):
         height: Node,
         texel_size: Node,
         facing_slack: Node,
-        depth_slopes: Node,
-        depth_limit: Node,
-        depth_relative: Node,
-        depth_fixed: Node,
     ) -> Mapping[str, Any]:
         f = FloatFlow(flow, config.operators)
         moved = [f.subtract(f"moved{k}", position[k], eye[k]) for k in range(3)]
@@ -48,7 +44,8 @@ class TexelProject(DataflowCore):
         across, along = f.dot("across", moved, right), f.dot("along", moved, up)
         under = f.dot("under", normal, moved)
         horizon = f.negate("horizon", f.multiply("slack", facing_slack, depth))
-        facing = f.compare("facing", f.negate("over", under), horizon)
+        above = f.negate("above", under)
+        facing = f.compare("facing", above, horizon)
         beyond = f.compare("beyond", depth, near)
 
         columns, left_or_right = _on_axis(flow, f, "x", across, enlarged, width)
@@ -59,23 +56,14 @@ class TexelProject(DataflowCore):
             "visible", lambda *all_of: Cat(*all_of).all(), facing["greater"], beyond["greater"], off["less"]
         )
 
-        leaning = [f.absolute(f"lean_{k}", f.dot(f"normal_{k}", normal, axis)) for k, axis in enumerate((right, up))]
-        lean = f.multiply("lean_depth", f.add("lean", *leaning), depth)
-        distance = f.multiply("distance", focal, f.absolute("height_over", under))
-        steep = f.divide("steep", lean, f.maximum("distance_kept", distance, bits_of(SHORTEST)))
-        margin = f.add("margin", ONE, f.maximum("outside_kept", outside, bits_of(0)))
-        reach = f.multiply("reach", margin, depth_slopes)
-        slope = f.minimum("slope", f.multiply("rise", steep, reach), depth_limit)
-        relative = f.multiply("relative", f.add("slope_relative", slope, depth_relative), depth)
-        tolerance = f.add("tolerance", relative, depth_fixed)
-
         def shown(name: str, node: Node) -> Node:
             return flow.logic(name, lambda visible, value: Mux(visible, value, 0), visible, node)
 
         return {
             "visible": visible,
             "depth": shown("depth_out", depth),
-            "tolerance": shown("tolerance_out", tolerance),
+            "above": shown("above_out", above),
+            "outside": shown("outside_out", outside),
             "column": [shown(f"column{k}", column) for k, column in enumerate(columns)],
             "row": [shown(f"row{k}", row) for k, row in enumerate(rows)],
         }

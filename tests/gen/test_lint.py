@@ -29,6 +29,9 @@ SLANG_WAIVERS: dict[str, str] = {
 SHIFT = re.compile(r" (<<<?|>>>?) ")
 """width-trunc is waived for an assigned shift alone: nobody reads its highest bits, and Yosys narrows the result."""
 
+LINTED = [pytest.param(preset, marks=pytest.mark.long if preset == "full" else ()) for preset in PRESETS]
+"""The largest preset takes longest to emit, and differs from the others in numbers alone."""
+
 
 def files_of(folder: Path, unit: str) -> list[Path]:
     """The Verilog of an emitted unit."""
@@ -42,7 +45,7 @@ def lint(*files: Path, top: str) -> str:
     return done.stderr
 
 
-@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("preset", LINTED)
 def test_verilator(emitted: Callable[[str], Path], preset: str) -> None:
     for unit in CATALOGUE:
         assert lint(WAIVERS, *files_of(emitted(preset), unit), top=unit) == "", unit
@@ -50,7 +53,7 @@ def test_verilator(emitted: Callable[[str], Path], preset: str) -> None:
 
 @pytest.mark.icarus
 @needs_icarus
-@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("preset", LINTED)
 def test_icarus_as_verilog_2001(emitted: Callable[[str], Path], preset: str) -> None:
     for unit in CATALOGUE:
         command = [toolchain.icarus(), "-g2001", "-Wall", "-tnull", "-s", unit]
@@ -86,7 +89,7 @@ def slang(*sources: Path) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize("preset", LINTED)
 def test_slang(emitted: Callable[[str], Path], preset: str) -> None:
     for unit in CATALOGUE:
         assert slang(*files_of(emitted(preset), unit)) == [], unit

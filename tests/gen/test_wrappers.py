@@ -135,7 +135,7 @@ def traced(during: str | None) -> TraversalRun:
     triangles = load_scene("cornell-box").triangles
     tree = build_wide(triangles, width=SMALL.tree.width, max_levels=SMALL.traversal.stack)
     rays = RAY_FAMILIES["adversarial"](triangles, 4000, SEED)
-    unit = TraversalUnit(SMALL, memory_bits=20, verilog=verilog, optimised=False)
+    unit = TraversalUnit(SMALL, memory_bits=20, verilog=verilog, level=0)
     return unit.run(tree.blocks, queries_of(rays), latency=30, reorder=100, memory_stall=40, stall_seed=SEED)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from lightloom.golden_model.charts.unwrap import unwrap
-from lightloom.golden_model.contract.formats import TEXEL_STATE
+from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL_STATE
 from lightloom.golden_model.frame.rasterizer import rasterize
 from lightloom.golden_model.maintenance.selection.selector import FrameContext
 from lightloom.golden_model.numerics.vectors import vector
@@ -56,7 +56,7 @@ class Stage:
     def state(self, count: int = 0) -> np.ndarray:
         """TEXEL_STATE of texels that all have so many samples."""
         state = np.zeros(len(self.lightmaps.texels), dtype=TEXEL_STATE)
-        state["count"] = count
+        state["count"] = count * ONE_SAMPLE
         return state
 
 

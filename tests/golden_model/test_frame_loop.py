@@ -11,10 +11,13 @@ from hypothesis import strategies as st
 
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.frame.frame_rays import FrameShading
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.machine.cost_model import Machine
 from lightloom.golden_model.maintenance import maintainer
 from lightloom.golden_model.maintenance.sampling.gather import gather
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
+from lightloom.golden_model.maintenance.selection.selector import FrameContext, Selector
 from lightloom.golden_model.maintenance.selection.visibility import LIKELY
 from lightloom.golden_model.renderer import FrameResult, Pipeline, Renderer
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
@@ -175,3 +178,34 @@ def test_maintenance_does_not_depend_on_the_picture(tmp_path: Path) -> None:
     two = frames_of(scene, maps, 4, pipeline=Pipeline(shading=FrameShading(bounces=0), filtered=False, blend="raster"))
     assert all(a.lightmap.tobytes() == b.lightmap.tobytes() for a, b in zip(one, two, strict=True))
     assert not same(one, two)
+
+
+@pytest.mark.parametrize("whose", ["this", "before"])
+def test_selection_looks_at_the_surfaces_that_it_should(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, whose: Any
+) -> None:
+    """Those of its own frame, or of the one before; the first frame has none before it."""
+    scene = room(tmp_path, 5, specular=False)
+    looked_at: list[bytes] = []
+    plan = Selector.plan
+
+    def watched(selector: Selector, context: FrameContext, *others: Any) -> Any:
+        looked_at.append(context.gbuffer.tobytes() + context.view.position.tobytes())
+        return plan(selector, context, *others)
+
+    monkeypatch.setattr(Selector, "plan", watched)
+    pipeline = Pipeline(selects_by=whose)
+    drawn = [
+        each.gbuffer.tobytes() + each.view.position.tobytes()
+        for each in frames_of(scene, unwrap(scene), 3, pipeline=pipeline)
+    ]
+    assert len(set(drawn)) == 3
+    assert looked_at == (drawn if whose == "this" else [drawn[0], *drawn[:2]])
+
+
+def test_machine_and_pipeline_agree_on_whose_surfaces_selection_looks_at(tmp_path: Path) -> None:
+    scene = room(tmp_path, 5, specular=False)
+    with pytest.raises(InputError, match="early selection"):
+        frames_of(scene, unwrap(scene), 1, pipeline=Pipeline(selects_by="before"), machine=Machine())
+    with pytest.raises(InputError, match="selects by that"):
+        Pipeline(selects_by="that")  # type: ignore[arg-type]

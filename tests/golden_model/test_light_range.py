@@ -1,19 +1,25 @@
 """Scenes that are a billion times darker or brighter: the same picture, as many times darker or brighter."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from lightloom.golden_model.contract.formats import POINT_LIGHT
+from lightloom.golden_model.frame.frame_rays import FrameShading
+from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.oracle.converged_maps import Reference
 from lightloom.golden_model.rays.surface_shading import readable
-from lightloom.golden_model.renderer import Renderer
+from lightloom.golden_model.renderer import Pipeline, Renderer
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
+from lightloom.golden_model.scene.files.exr import read_exr
 from lightloom.golden_model.scene.keyframes import LightKey, LightPath
-from lightloom.golden_model.scene.light_unit import around_point_lights, light_exponent
+from lightloom.golden_model.scene.light_unit import around_point_lights, in_unit, light_exponent
+from lightloom.golden_model.scene.pinhole import pixel_rays
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.render.sequence import write_lightmaps
 
 COARSE = replace(cornell_box(), texel_size=50.0)
 SIZE: dict[str, Any] = {"width": 24, "height": 20, "budget": 4000}
@@ -79,6 +85,43 @@ def test_light_that_no_format_holds_is_counted() -> None:
     for scene, clipped in ((replace(near, light_path=()), True), (with_point_light(1e6), False), (COARSE, False)):
         renderer = Renderer(scene, **SIZE)
         assert (sum(renderer.frame().maintenance.clipped for _ in range(20)) > 0) == clipped
+
+
+def test_light_of_a_picture_that_no_format_holds_is_counted() -> None:
+    """Where rays of pixels bring it: the light is a unit of length away from what the middle pixel sees."""
+    seen = Renderer(COARSE, **SIZE).frame()
+    middle = 10 * SIZE["width"] + 12
+    fragment, ray = seen.gbuffer.reshape(-1)[middle], pixel_rays(seen.view)[middle]
+    near = with_point_light(1e6)
+    near.point_lights["position"] = ray["origin"] + ray["direction"] * fragment["depth"] + fragment["normal"]
+    shading = FrameShading(direct="rays", shadow_samples=1)
+    by_rays: dict[str, Any] = {"sampling": Sampling(direct="rays"), "pipeline": Pipeline(shading=shading)}
+    for scene, clipped in ((replace(near, light_path=()), True), (with_point_light(1e6), False), (COARSE, False)):
+        renderer = Renderer(scene, **SIZE, **by_rays)
+        assert (renderer.frame().frame_rays.clipped > 0) == clipped
+
+
+def test_coarse_geometry_is_in_the_unit_too() -> None:
+    """What rays of pixels meet of it shines as what they meet of the scene itself."""
+    scene = shining(1e7)
+    exponent = light_exponent(scene)
+    assert exponent > 0
+    reduced = in_unit(replace(scene, coarse=scene), exponent).coarse
+    assert reduced is not None
+    assert (reduced.emission == in_unit(scene, exponent).emission).all()
+    assert reduced.brightest == scene.brightest / 2.0**exponent
+
+
+def test_maps_are_exported_in_the_scenes_own_unit(tmp_path: Path) -> None:
+    """In EXR a map has the irradiance of the scene's lights, whatever unit the renderer keeps it in."""
+    texels = []
+    for name, radiance in (("usual", BRIGHTEST), ("dark", BRIGHTEST * 2.0**-12)):
+        renderer = Renderer(shining(radiance), **SIZE)
+        write_lightmaps(tmp_path / name, renderer, exposure=1.0)
+        texels.append(read_exr(tmp_path / f"{name}.exr")[..., :3].astype(np.float64))
+    assert renderer.exponent < 0
+    assert texels[0].sum() > 0
+    assert texels[1].sum() * 2.0**12 == pytest.approx(texels[0].sum(), rel=0.01)
 
 
 def test_the_reference_is_in_the_same_unit() -> None:

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -22,6 +23,12 @@ SMALL = Sweep(scenes=("cornell-box",), latencies=(0, 100), rays=600, identity_ra
 
 SAME = {name: getattr(default_sweep(False), name) for name in ("identity_rays", "box_pairs")}
 """What has no option."""
+
+
+@pytest.fixture(autouse=True)
+def quickly_built(monkeypatch: pytest.MonkeyPatch) -> None:
+    """How fast the simulation is does not matter here."""
+    monkeypatch.setattr("lightloom.bench.traversal.TraversalUnit", partial(TraversalUnit, level=1))
 
 
 def test_measured(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -60,7 +67,7 @@ def test_running_ahead_does_not_slow_the_cornell_box(latency: int) -> None:
     config = PRESETS["base"].but(tag_width=8)
     triangles = load_scene("cornell-box").triangles
     blocks, queries = build_wide(triangles).blocks, queries_of(diffuse_rays(triangles, 4000, SEED))
-    unit = TraversalUnit(config)
+    unit = TraversalUnit(config, level=1)
     most = config.traversal.overlap
     one, several = (unit.run(blocks, queries, overlap=overlap, latency=latency) for overlap in (1, most))
     assert several.cycles <= 1.01 * one.cycles

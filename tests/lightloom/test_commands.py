@@ -264,6 +264,8 @@ def test_bench(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """It runs and has its keys; how fast is no matter of tests."""
     for module in ("lightloom.bench.tree", "lightloom.bench.frames"):
         monkeypatch.setattr(f"{module}.BUNNY", Path("no such file"))
+    for name, less in {"SIDE": 48, "BUDGET": 1000, "WARM_UP": 1, "FRAMES": 2}.items():
+        monkeypatch.setattr(f"lightloom.bench.frames.{name}", less)
     outcome = cli("bench", "--vectors", 1000, "--rays", 200, "--json")
     assert outcome.code == 0, outcome
     report = json.loads(outcome.out)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from lightloom.cli import run
-from lightloom.gen.formal import mutations
+from lightloom.gen.formal import mutations, solve
 from lightloom.gen.formal.catalogue import PROPERTIES
 from lightloom.gen.formal.faults.catalogue import FAULTS
 from lightloom.golden_model.host.errors import InputError
@@ -70,19 +70,32 @@ def test_bad_input(arguments: list[str], said: str, capsys: pytest.CaptureFixtur
     assert err.count("\n") == 1
 
 
-def test_a_fault_is_caught_and_one_that_changes_nothing_is_not() -> None:
+def test_a_fault_is_caught_and_one_that_changes_nothing_is_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mutations, "KEPT", tmp_path / "kept")
     fault = FAULTS["compare-zeros"]
     harmless = mutations.Mutation(
         **{**fault.__dict__, "name": "harmless", "new": fault.old + " ", "checks": fault.checks[:1]}
     )
     check = "float_compare/every-6-bit-input"
-    rows = mutations.run([mutations.Mutation(**{**fault.__dict__, "checks": (check,)}), harmless], jobs=2)
-    assert [row["caught by"] for row in rows] == [check, ""]
+    chosen = [mutations.Mutation(**{**fault.__dict__, "checks": (check,)}), harmless]
+    assert [row["caught by"] for row in mutations.run(chosen, jobs=2)] == [check, ""]
+    # What was answered is not asked again, unless a file has changed.
+    monkeypatch.setattr(mutations, "_said", lambda one, check: "no answer" if one else "passed")
+    assert [row["caught by"] for row in mutations.run(chosen, jobs=2)] == [check, ""]
+    monkeypatch.setattr(mutations, "_state", lambda: "another")
+    assert [row["caught by"] for row in mutations.run(chosen, jobs=2)] == ["", ""]
 
 
 @pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
 def test_the_text_of_a_fault_is_in_its_file_once(fault: mutations.Mutation) -> None:
     assert (ROOT / fault.file).read_text(encoding="utf-8").count(fault.old) == 1
+
+
+def test_a_solver_has_a_limit_of_its_own_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    # None can be set to less than a second, which the second solver needs for this one.
+    monkeypatch.setattr(solve, "TIMEOUT", 1)
+    [outcome] = solve.solve([PROPERTIES["best_hits/nearest"]], ["z3"], tmp_path, jobs=1)
+    assert outcome.status == "timed out"
 
 
 def test_a_fault_that_is_not_there_is_refused() -> None:

@@ -64,7 +64,7 @@ COMMANDS = (
     "--help",
     "emit half_to_float --preset tiny --out verilog",
     "package half_to_float --preset tiny --out package",
-    "prove --list",
+    "prove --list queue",
     "pack cornell-box --out scene.bin",
     "render cornell-box --frames 1 --size 24x16 --budget 2000 --backend numpy --out frames",
     "coverage --help",

@@ -214,7 +214,7 @@ def test_a_member_traces_as_the_model(number: int) -> None:
     triangles, masks, queries = scene()
     tree = build_wide(triangles, width=config.tree.width, max_levels=config.traversal.stack, masks=masks)
     wanted, _ = trace_tree(tree.blocks, queries, width=config.tree.width, stack=config.traversal.stack)
-    unit = TraversalUnit(config, memory_bits=18, optimised=False)
+    unit = TraversalUnit(config, memory_bits=18, level=0)
     run = unit.run(
         tree.blocks,
         queries,

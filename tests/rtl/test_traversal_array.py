@@ -42,7 +42,7 @@ def verilog() -> str:
 
 @cache
 def unit() -> TraversalUnit:
-    return TraversalUnit(CONFIG, memory_bits=18, verilog=verilog())
+    return TraversalUnit(CONFIG, memory_bits=18, verilog=verilog(), level=1)
 
 
 @cache

@@ -67,7 +67,7 @@ def verilog() -> str:
 
 @functools.cache
 def unit() -> TraversalUnit:
-    return TraversalUnit(SMALL, memory_bits=20, verilog=verilog())
+    return TraversalUnit(SMALL, memory_bits=20, verilog=verilog(), level=1)
 
 
 def soup(count: int, seed: int) -> np.ndarray:

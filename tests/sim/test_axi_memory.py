@@ -202,7 +202,7 @@ def test_speed_with_the_default_parameters(tmp_path: Path) -> None:
     binary = tmp_path / "axi_memory"
     sources = [str(source) for source in [*tmp_path.glob("*.cpp"), SIM / "axi_memory.cpp"]]
     compile_ = [toolchain.compiler(), "-std=c++17", "-O1", "-DDATA_WIDTH=512", *verilator.include_options]
-    compile_ += ["-I", str(tmp_path), *sources, str(toolchain.verilated_runtime()), "-pthread", "-o", str(binary)]
+    compile_ += ["-I", str(tmp_path), *sources, *toolchain.verilated_runtime(), "-pthread", "-o", str(binary)]
     toolchain.run(compile_)
     cycles = 200_000
     regions = tmp_path / "regions.txt"

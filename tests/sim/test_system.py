@@ -27,7 +27,7 @@ def stand_in(original: str = "", mutant: str = "") -> System:
     """The stand-in, with one piece of its Verilog replaced."""
     assert not original or STAND_IN.count(original) == 1
     text = STAND_IN.replace(original, mutant) if original else STAND_IN
-    return System("stand_in", text, input=NUMBER, output=NUMBER, tag_width=4, memory_bits=16, optimised=False)
+    return System("stand_in", text, input=NUMBER, output=NUMBER, tag_width=4, memory_bits=16, level=0)
 
 
 def numbers(count: int = COUNT) -> np.ndarray:
@@ -111,7 +111,7 @@ def test_a_unit_without_memory_or_ports() -> None:
     unit, config = PURE["float_add"], PRESETS["tiny"]
     text = emitted(unit.name, config)
     width = config.streams.tag_width
-    system = System(unit.name, text, input=unit.input, output=unit.output, tag_width=width, optimised=False)
+    system = System(unit.name, text, input=unit.input, output=unit.output, tag_width=width, level=0)
     operands = unit_vectors(unit.name, 500, SEED)
     run = system.run(operands, stall_seed=3)
     wrong = np.flatnonzero(~bitpack.equal(run.results, model_results(unit.name, operands, config.flat())))

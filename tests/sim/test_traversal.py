@@ -29,7 +29,7 @@ def stand_in(original: str = "", mutant: str = "") -> TraversalUnit:
     """The stand-in, with one piece of its Verilog replaced."""
     assert not original or STAND_IN.count(original) == 1
     text = STAND_IN.replace(original, mutant) if original else STAND_IN
-    return TraversalUnit(STAND_IN_CONFIG, memory_bits=16, verilog=text)
+    return TraversalUnit(STAND_IN_CONFIG, memory_bits=16, verilog=text, level=0)
 
 
 @cache
@@ -144,7 +144,7 @@ def test_a_simulator_is_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("built again")
 
     monkeypatch.setattr(toolchain, "run", build)
-    TraversalUnit(STAND_IN_CONFIG, memory_bits=16, verilog=STAND_IN)
+    TraversalUnit(STAND_IN_CONFIG, memory_bits=16, verilog=STAND_IN, level=0)
 
 
 # --- the unit itself ------------------------------------------------------------------------------------------------
@@ -152,7 +152,7 @@ def test_a_simulator_is_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @cache
 def unit() -> TraversalUnit:
-    return TraversalUnit(PRESETS["base"])
+    return TraversalUnit(PRESETS["base"], level=1)
 
 
 @cache

@@ -16,8 +16,9 @@ from tests.simulators import SIMULATORS, needs_icarus
 
 SEED = 2013
 # Of a number unit, and of a larger one, of which Icarus simulates a hundred cycles a second: it is there for what is
-# undefined and for the order of events.
-COUNT = {"verilator": (3000, 3000), "icarus": (300, 100)}
+# undefined and for the order of events. That results are right, whatever the operands, is shown by the bulk harness
+# with two hundred thousand; here streams stall, stop and begin again, which some hundreds of them do in every way.
+COUNT = {"verilator": (1000, 1000), "icarus": (300, 100)}
 
 
 SLOW_ON_ICARUS = {"texel_project", "texel_blend"}

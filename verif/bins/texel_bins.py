@@ -4,7 +4,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import COUNT_MAX, HIDDEN, LIKELY, RELATIVE_MAX, SEEN, TAPS
+from lightloom.golden_model.contract.formats import (
+    COUNT_BITS,
+    COUNT_MAX,
+    HIDDEN,
+    LIKELY,
+    ONE_SAMPLE,
+    RELATIVE_MAX,
+    SEEN,
+    TAPS,
+)
+from lightloom.golden_model.maintenance.selection.texel_match import depth_tolerance
 from lightloom.golden_model.numerics.floats import flush, quiet
 from lightloom.verif.bins.coverage import Groups, cases
 from lightloom.verif.bins.number_bins import classes, signed
@@ -29,7 +39,6 @@ def _project(i: np.ndarray, o: np.ndarray) -> Groups:
             f"{name}, beyond the last": visible & (first == second) & (first == last[:, axis]) & (first > 0),
             f"{name}, one pixel": visible & (last[:, axis] == 0),
         }
-    limit = visible & (o["tolerance"] >= flush(i["depth_limit"] * o["depth"])) & (i["depth_limit"] > 0)
     return {
         "texels": cases(
             visible=visible,
@@ -40,12 +49,10 @@ def _project(i: np.ndarray, o: np.ndarray) -> Groups:
             off_the_screen=~visible & (depth > i["near"]) & (along < 0),
         ),
         "pixels around": cases(**ends),
-        "tolerance": cases(
-            none=visible & (o["tolerance"] == 0),
-            a_number=visible & np.isfinite(o["tolerance"]),
-            at_the_limit_of_the_slope=limit,
-            infinite=visible & np.isinf(o["tolerance"]),
-            NaN=visible & np.isnan(o["tolerance"]),
+        "off the screen": cases(
+            inside=visible & (o["outside"] < 0),
+            at_the_border=visible & (o["outside"] == 0),
+            by_less_than_a_texel=visible & (o["outside"] > 0),
         ),
         "position": cases(**{name: any_of(i["position"], name) for name in classes(i["near"])}),
         "normal": cases(**{name: any_of(i["normal"], name) for name in classes(i["near"])}),
@@ -58,7 +65,8 @@ def _project(i: np.ndarray, o: np.ndarray) -> Groups:
 def _match(i: np.ndarray, o: np.ndarray) -> Groups:
     empty = i["pixel_depth"] == np.inf
     behind = flush(flush(i["depth"])[:, None] - flush(i["pixel_depth"]))
-    tolerance = flush(i["tolerance"])[:, None]
+    tolerance = depth_tolerance(i)[:, None]
+    every = tolerance[:, 0]
     both = i["normal_test"] & i["depth_test"]
     tests = {
         "both": both,
@@ -80,7 +88,7 @@ def _match(i: np.ndarray, o: np.ndarray) -> Groups:
         "levels allowed": values(i["lod_levels"], TAPS),
         "empty pixels": {str(k): int((empty.sum(axis=1) == k).sum()) for k in range(TAPS)},
         "depths": cases(
-            exactly_the_tolerance=(np.abs(behind) == tolerance).any(axis=1) & (i["tolerance"] > 0),
+            exactly_the_tolerance=(np.abs(behind) == tolerance).any(axis=1) & (every > 0),
             exactly_the_doubt=(behind == flush(tolerance * i["depth_doubt"][:, None])).any(axis=1),
             nearer_than_all=(behind < -tolerance).all(axis=1),
             behind_all=(behind > tolerance).all(axis=1),
@@ -88,7 +96,15 @@ def _match(i: np.ndarray, o: np.ndarray) -> Groups:
         ),
         "pixels' normals": cases(**{name: mask.any(axis=1) for name, mask in classes(halves).items()}),
         "normal": cases(**{name: any_of(i["normal"], name) for name in classes(i["depth"])}),
-        "tolerance": signed(i["tolerance"]),
+        "tolerance": cases(
+            none=every == 0,
+            a_number=np.isfinite(every),
+            at_the_limit_of_the_slope=(every >= flush(i["depth_limit"] * i["depth"])) & (i["depth_limit"] > 0),
+            infinite=np.isinf(every),
+            NaN=np.isnan(every),
+        ),
+        "height of the eye": signed(i["above"]),
+        "off the screen": signed(i["outside"]),
     }
 
 
@@ -99,19 +115,21 @@ def _blend(i: np.ndarray, o: np.ndarray) -> Groups:
     return {
         "samples in the average": cases(
             none=i["count"] == 0,
-            **{f"weight_of_deviations_1/{1 << s}": mask for s, mask in enumerate(_by_weight(i["count"]))},
+            less_than_one=(i["count"] > 0) & (i["count"] < ONE_SAMPLE),
+            sixteenths=(i["count"] > ONE_SAMPLE) & (i["count"] % ONE_SAMPLE > 0),
+            **{f"weight_of_deviations_1/{1 << s}": mask for s, mask in enumerate(_by_weight(i["count"] >> COUNT_BITS))},
             most=i["count"] == COUNT_MAX,
         ),
         "weight": cases(
             heavy=i["heavy"] > 0,
             heavy_for_the_last_time=i["heavy"] == 1,
-            of_the_mean=known & (i["heavy"] == 0) & (1 / (i["count"] + 1.0) > i["alpha_min"]),
-            least=known & (i["heavy"] == 0) & (1 / (i["count"] + 1.0) < i["alpha_min"]),
+            of_the_mean=known & (i["heavy"] == 0) & (ONE_SAMPLE / (i["count"] + ONE_SAMPLE) > i["alpha_min"]),
+            least=known & (i["heavy"] == 0) & (ONE_SAMPLE / (i["count"] + ONE_SAMPLE) < i["alpha_min"]),
         ),
         "noticed": cases(
             noticed=o["noticed"],
-            not_noticed=known & ~o["noticed"] & (i["count"] >= i["notice_count"]),
-            too_few_samples=known & (i["count"] < i["notice_count"]),
+            not_noticed=known & ~o["noticed"] & (i["count"] >> COUNT_BITS >= i["notice_count"]),
+            too_few_samples=known & (i["count"] >> COUNT_BITS < i["notice_count"]),
         ),
         "deviation": cases(
             falls=known & (o["deviation"] < i["deviation"]),
@@ -133,7 +151,9 @@ def _blend(i: np.ndarray, o: np.ndarray) -> Groups:
 
 
 def _by_weight(count: np.ndarray) -> list[np.ndarray]:
-    return [(count >= low) & (count < high) for low, high in ((1, 2), (2, 4), (4, 8), (8, COUNT_MAX + 1))]
+    return [
+        (count >= low) & (count < high) for low, high in ((1, 2), (2, 4), (4, 8), (8, (COUNT_MAX >> COUNT_BITS) + 1))
+    ]
 
 
 BINS: dict[str, Callable[[np.ndarray, np.ndarray], Groups]] = {

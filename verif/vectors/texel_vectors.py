@@ -7,8 +7,8 @@ import numpy as np
 
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import (
-    COUNT_MAX,
     F2,
+    ONE_SAMPLE,
     RAY_GROUPS,
     RELATIVE_MAX,
     SCREEN_BITS,
@@ -18,6 +18,7 @@ from lightloom.golden_model.contract.formats import (
     TEXEL_PROJECT,
     field_width,
 )
+from lightloom.golden_model.maintenance.selection.texel_match import depth_tolerance
 from lightloom.golden_model.numerics.floats import quiet
 from lightloom.verif.vectors.ray_vectors import Family, Generator, mixture, raw, specials
 
@@ -78,10 +79,6 @@ def _seen_at(x: np.ndarray, y: np.ndarray, depth: np.ndarray, size: np.ndarray, 
     out["width"], out["height"] = width, height
     out["texel_size"] = np.abs(depth) / focal * np.exp2(rng.uniform(-4, 3, count))
     out["facing_slack"] = rng.choice([0.0, 0.0625, 1.0], count, p=[0.1, 0.8, 0.1])
-    out["depth_slopes"] = rng.choice([0.0, 1.0, 16.0], count, p=[0.1, 0.8, 0.1])
-    out["depth_limit"] = rng.choice([0.0, 0.03125, 1.0], count, p=[0.1, 0.7, 0.2])
-    out["depth_relative"] = rng.choice([0.0, 2.0**-10, 1.0], count, p=[0.1, 0.8, 0.1])
-    out["depth_fixed"] = out["texel_size"] * rng.choice([0.0, 0.25, 16.0], count)
     return out
 
 
@@ -122,7 +119,7 @@ def scaled_scenes(count: int, rng: Generator) -> np.ndarray:
     scale = np.exp2(rng.integers(-70, 71, count)).astype(np.float32)
     for name in ("position", "eye"):
         out[name] *= scale[:, None]
-    for name in ("near", "texel_size", "depth_fixed"):
+    for name in ("near", "texel_size"):
         out[name] *= scale
     return out
 
@@ -143,13 +140,32 @@ PROJECT_FAMILIES: dict[str, Family] = {
 SPECIAL_HALVES = np.array([0, 1, 0x3FF, 0x400, 0x7BFF, 0x7C00, 0x7E00, 0x8000, 0xFC00], dtype=np.uint16)
 
 
-def _policies(out: np.ndarray, rng: Generator) -> None:
+def _policies(out: np.ndarray, texel_size: np.ndarray, rng: Generator) -> None:
     """Tests and their bounds, in place: all kinds, the default mostly."""
     count = len(out)
+    out["depth_slopes"] = rng.choice([0.0, 1.0, 16.0], count, p=[0.1, 0.8, 0.1])
+    out["depth_limit"] = rng.choice([0.0, 0.03125, 1.0], count, p=[0.1, 0.7, 0.2])
+    out["depth_relative"] = rng.choice([0.0, 2.0**-10, 1.0], count, p=[0.1, 0.8, 0.1])
+    out["depth_fixed"] = texel_size * rng.choice([0.0, 0.25, 16.0], count)
     out["normal_test"], out["depth_test"] = rng.random((2, count)) < 0.8
     out["normal_cosine"] = rng.choice([-1.0, 0.875, 1.0], count, p=[0.1, 0.8, 0.1])
     out["depth_doubt"] = rng.choice([1.0, 4.0, 64.0], count, p=[0.1, 0.8, 0.1])
     out["lod_levels"] = rng.integers(0, 4, count)
+
+
+def _seen_on_a_slope(out: np.ndarray, rng: Generator) -> None:
+    """In place, how texels of a normal and a depth lie to the eye: straight ahead to edge-on, on the screen or off it;
+    and what policies make of that.
+    """
+    count = len(out)
+    out["right"] = right = unit_vectors_of((count,), rng)
+    up = np.cross(right, unit_vectors_of((count,), rng))
+    out["up"] = up / np.linalg.norm(up, axis=1, keepdims=True)
+    focal = rng.uniform(60, 4000, count)
+    out["focal"] = focal
+    out["above"] = out["depth"] * np.exp2(rng.uniform(-8, 0.5, count)) * rng.choice([1, 1, 1, -0.1], count)
+    out["outside"] = rng.choice([-2000.0, -20.0, -0.25, 0.0, 0.25, 1.5], count)
+    _policies(out, out["depth"] / focal * np.exp2(rng.uniform(-4, 3, count)), rng)
 
 
 def around_the_texel(count: int, rng: Generator) -> np.ndarray:
@@ -160,10 +176,9 @@ def around_the_texel(count: int, rng: Generator) -> np.ndarray:
     out["normal"] = normal
     out["pixel_normal"] = (bent / np.linalg.norm(bent, axis=2, keepdims=True)).reshape(count, -1).astype(F2)
     out["depth"] = _depths(count, rng)
-    out["tolerance"] = out["depth"] * np.exp2(rng.uniform(-12, -2, count)).astype(np.float32)
-    _policies(out, rng)
+    _seen_on_a_slope(out, rng)
     steps = rng.choice([-8, -1.5, -1, -0.5, 0, 0.5, 1, 2, 4, 8, 100], (count, TAPS)).astype(np.float32)
-    out["pixel_depth"] = out["depth"][:, None] + steps * out["tolerance"][:, None]
+    out["pixel_depth"] = out["depth"][:, None] + steps * depth_tolerance(out)[:, None]
     out["pixel_depth"][rng.random((count, TAPS)) < 0.1] = np.inf
     out["pixel_lod"] = rng.choice([-32768, -300, -129, -128, 127, 128, 383, 384, 900, 32767], (count, TAPS))
     return out
@@ -172,7 +187,8 @@ def around_the_texel(count: int, rng: Generator) -> np.ndarray:
 def exactly_at_the_bounds(count: int, rng: Generator) -> np.ndarray:
     """Small whole numbers: differences equal to the tolerance, the doubt, the cosine, or a unit beside them."""
     out = around_the_texel(count, rng)
-    out["depth"], out["tolerance"], out["depth_doubt"] = 64, rng.integers(0, 3, count), rng.integers(1, 4, count)
+    out["depth"], out["depth_fixed"], out["depth_doubt"] = 64, rng.integers(0, 3, count), rng.integers(1, 4, count)
+    out["depth_limit"], out["depth_relative"] = 0, 0  # so the tolerance is `depth_fixed`
     out["pixel_depth"] = 64 - rng.integers(-8, 9, (count, TAPS))
     axis = np.eye(3)[rng.integers(0, 3, count)]
     out["normal"] = axis
@@ -214,6 +230,12 @@ def _settings(out: np.ndarray, rng: Generator) -> None:
     out["notice_count"] = rng.choice([1, 8, 255], count, p=[0.1, 0.8, 0.1])
 
 
+def samples_in(whole: np.ndarray, rng: Generator) -> np.ndarray:
+    """Counts of whole samples, and in a third of the cases any number of 16ths more."""
+    parts = rng.integers(0, ONE_SAMPLE, len(whole)) * (rng.random(len(whole)) < 1 / 3)
+    return whole * ONE_SAMPLE + parts
+
+
 def updates(count: int, rng: Generator) -> np.ndarray:
     """Texels on their way: samples of some rays, about as bright as the average."""
     out = np.zeros(count, dtype=TEXEL_BLEND)
@@ -228,7 +250,7 @@ def updates(count: int, rng: Generator) -> np.ndarray:
     out["squares"] = out["sums"] * mean * rng.choice([0.9, 1, 1.1, 4], (count, RAY_GROUPS))
     ratio = rng.choice([0.25, 0.9, 1, 1.02, 2], (count, 1))
     out["irradiance"] = np.ldexp(out["total"] * ratio, -out["fraction"][:, None].astype(np.int32))
-    out["count"] = rng.choice([0, 1, 2, 3, 4, 7, 8, 9, 40, 254, COUNT_MAX], count)
+    out["count"] = samples_in(rng.choice([0, 1, 2, 3, 4, 7, 8, 9, 40, 254, 255], count), rng)
     out["heavy"] = rng.choice([0, 0, 1, 7], count)
     out["deviation"] = rng.choice([0, 1, 20, 60, 200, RELATIVE_MAX], count)
     _settings(out, rng)
@@ -261,7 +283,7 @@ def suddenly_bright(count: int, rng: Generator) -> np.ndarray:
     sample = (1 << rng.integers(0, 24, (count, 1))) + rng.integers(0, 17, (count, 1))
     out["total"] = sample << 12
     out["irradiance"] = 1
-    out["count"] = rng.choice([1, 2, 4, 8, 255], count)
+    out["count"] = samples_in(rng.choice([1, 2, 4, 8, 255], count), rng)
     return out
 
 

@@ -25,7 +25,7 @@ FAULTS = (
     _fault(PROJECT, "eye-from-texel", "position[k], eye[k])", "eye[k], position[k])", "the eye relative to the texel"),
     _fault(PROJECT, "depth-sideways", '"depth", moved, forward', '"depth", moved, right', "depth along another axis"),
     _fault(PROJECT, "rows-upwards", 'f.negate("down", along)', "along", "rows count from the bottom"),
-    _fault(PROJECT, "facing-away", 'f.negate("over", under), horizon', "under, horizon", "texels face the other way"),
+    _fault(PROJECT, "facing-away", '"facing", above, horizon', '"facing", under, horizon', "texels face the other way"),
     _fault(PROJECT, "no-slack", 'facing["greater"], beyond', 'beyond["greater"], beyond', "all texels face the eye"),
     _fault(PROJECT, "near-ignored", 'beyond["greater"], off', 'facing["greater"], off', "nothing is too near"),
     _fault(PROJECT, "off-by-a-texel", 'off["less"]\n', 'off["greater"]\n', "only what is off the screen is on it"),
@@ -36,9 +36,13 @@ FAULTS = (
     ),
     _fault(PROJECT, "taps-off-the-screen", "Mux(first > last, last, first)", "first", "pixels beyond the last"),
     _fault(PROJECT, "taps-unsigned", "Mux(first < 0, 0,", "Mux(first < -1, 0,", "pixels before the first"),
-    _fault(PROJECT, "height-with-its-sign", 'f.absolute("height_over", under)', "under", "what faces the eye is flat"),
-    _fault(PROJECT, "margin-below-one", 'f.maximum("outside_kept", outside, bits_of(0))', "outside", "less inside"),
-    _fault(PROJECT, "limit-as-minimum", 'f.minimum("slope"', 'f.maximum("slope"', "the slope is at least its limit"),
+    _fault(
+        PROJECT, "height-of-the-texel", 'shown("above_out", above)', 'shown("above_out", under)', "the eye is below"
+    ),
+    _fault(MATCH, "height-with-its-sign", 'f.absolute("height", above)', "above", "what faces away is flat"),
+    _fault(MATCH, "margin-below-one", 'f.maximum("outside_kept", outside, bits_of(0))', "outside", "less inside"),
+    _fault(MATCH, "limit-as-minimum", 'f.minimum("slope"', 'f.maximum("slope"', "the slope is at least its limit"),
+    _fault(MATCH, "one-axis-twice", "enumerate((right, up))", "enumerate((right, right))", "slopes to one side alone"),
     _fault(MATCH, "depths-with-sign", 'f.absolute(f"apart{k}", behind)', "behind", "all that is nearer matches"),
     _fault(MATCH, "doubt-is-tolerance", "behind, doubt)", "behind, tolerance)", "no depth is in doubt"),
     _fault(MATCH, "bounds-left-out", "lambda one, other: one | other", "lambda one, other: one", "not at the bounds"),
@@ -56,9 +60,7 @@ FAULTS = (
         "lambda known, moved, new: moved",
         "what was dropped still counts",
     ),
-    _fault(
-        BLEND, "count-wraps", "Mux(count == COUNT_MAX, COUNT_MAX, count + 1)", "(count + 1)", "256 samples are none"
-    ),
+    _fault(BLEND, "count-wraps", "Mux(more > COUNT_MAX, COUNT_MAX, more)", "more", "256 samples are none"),
     _fault(BLEND, "heavy-forever", "Mux(heavy.any(), heavy - 1, 0)", "(heavy + 0)", "marks are not counted down"),
     _fault(BLEND, "heavy-always", "Mux(heavy.any(), raised, alpha)", "raised", "every sample weighs as after a change"),
     _fault(

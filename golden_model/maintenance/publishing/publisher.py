@@ -10,10 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightloom.golden_model.contract.formats import PUBLISHED_TEXEL, TEXEL_STATE
+from lightloom.golden_model.maintenance.publishing.filling import Filler
 from lightloom.golden_model.maintenance.publishing.mipmaps import renew_levels
 from lightloom.golden_model.maintenance.publishing.regions import regions_of
 from lightloom.golden_model.maintenance.publishing.smoothing import Smoother
-from lightloom.golden_model.numerics.floats import float_minmax, float_to_half, flush, half_to_float, quiet
+from lightloom.golden_model.numerics.floats import float_minmax, float_to_half, half_to_float, quiet
 from lightloom.golden_model.scene.lightmap import Lightmaps, filled
 
 LARGEST_HALF = np.float32(65504)
@@ -44,6 +45,7 @@ class Publisher:
     def __init__(self, lightmaps: Lightmaps, smoother: Smoother | None = None):
         """With a `smoother` of the same lightmaps what is published is smoothed; the state never is."""
         self.lightmaps, self.smoother = lightmaps, smoother
+        self.filler = Filler(lightmaps)
         self._plain = np.zeros((len(lightmaps.texels), 3), dtype=np.float32)  # what texels show without it
         self.regions = regions_of(lightmaps)
         self._note_samples(np.zeros(len(lightmaps.texels), dtype=np.bool_))
@@ -53,7 +55,7 @@ class Publisher:
         regions = self.regions
         self._note_samples(state["count"] > 0)
         published = np.zeros(regions.levels.total, dtype=PUBLISHED_TEXEL)
-        self._plain = publish(self.lightmaps, state)["rgba"][:, :3].astype(np.float32)
+        self._plain = publish(self.lightmaps, state, self.filler)["rgba"][:, :3].astype(np.float32)
         published["rgba"][: len(state)] = self._values(state, np.arange(len(state)))
         renew_levels(regions, published["rgba"], np.arange(regions.count))
         return published
@@ -69,7 +71,7 @@ class Publisher:
         texel whose state has changed since, in the order of the updates; naming others too only costs time.
 
         While a map has valid texels without a sample, all regions that show one are rewritten whenever the map is
-        touched: their values depend on all samples around them (`pull_push`).
+        touched: their values depend on all samples around them (`filling`).
         """
         assert state.dtype == TEXEL_STATE
         place, region = self.regions.showing(texel)
@@ -106,7 +108,7 @@ class Publisher:
     def _showing_unknown(self, maps: np.ndarray) -> np.ndarray:
         """Regions of `maps` (K,) that show a texel without a sample."""
         found = [np.zeros(0, dtype=np.int64)]
-        for part, _ in self._parts(maps):
+        for part in self._parts(maps):
             fill = self.lightmaps.fill[part]
             found.append(self.regions.of_texel[part][(fill >= 0) & ~self._sampled[np.maximum(fill, 0)]])
         return np.unique(np.concatenate(found))
@@ -114,9 +116,9 @@ class Publisher:
     def _renew(self, state: np.ndarray, texel: np.ndarray, unknown: np.ndarray) -> None:
         """Brings up to date what texels show without smoothing: those named (M,), and all of the maps `unknown`."""
         self._plain[texel] = _in_half(state["irradiance"][texel])
-        for part, shape in self._parts(unknown):
-            whole = pull_push(state["irradiance"][part].reshape(*shape, 3), self._sampled[part].reshape(shape))
-            self._plain[part] = _in_half(whole.reshape(-1, 3))
+        for number, part in zip(unknown.tolist(), self._parts(unknown), strict=True):
+            whole = self.filler.fill(number, state["irradiance"][part], self._sampled[part], state["number"][part] > 0)
+            self._plain[part] = _in_half(whole)
 
     def _values(self, state: np.ndarray, texel: np.ndarray) -> np.ndarray:
         """Published values of texels of level 0 (M,): (M, 4) binary16."""
@@ -128,15 +130,11 @@ class Publisher:
         rgba = _packed(value, state["count"][source] > 0)[shown_by]
         return np.where((fill >= 0)[:, None], rgba, np.float16(0))
 
-    def _parts(self, maps: np.ndarray) -> list[tuple[slice, tuple[int, int]]]:
-        """Texels of level 0 and (height, width) of each of `maps`."""
+    def _parts(self, maps: np.ndarray) -> list[slice]:
+        """Texels of level 0 of each of `maps`."""
         lightmaps = self.lightmaps
-        return [
-            (slice(int(first), int(first) + int(width) * int(height)), (int(height), int(width)))
-            for first, width, height in zip(
-                lightmaps.offset[maps], lightmaps.width[maps], lightmaps.height[maps], strict=True
-            )
-        ]
+        size = lightmaps.width[maps].astype(np.int64) * lightmaps.height[maps]
+        return [slice(int(first), int(first + n)) for first, n in zip(lightmaps.offset[maps], size, strict=True)]
 
 
 def apply(difference: Difference, published: np.ndarray) -> None:
@@ -144,20 +142,22 @@ def apply(difference: Difference, published: np.ndarray) -> None:
     published["rgba"][difference.texel] = difference.rgba
 
 
-def publish(lightmaps: Lightmaps, state: np.ndarray) -> np.ndarray:
+def publish(lightmaps: Lightmaps, state: np.ndarray, filler: Filler | None = None) -> np.ndarray:
     """Level 0 alone: TEXEL_STATE (N,) to PUBLISHED_TEXEL (N,), irradiance in binary16, never infinite.
 
-    Texels that have not been sampled yet take a value from the sampled ones around them (`pull_push`), weight 0. Empty
+    Texels that have not been sampled yet take a value from the sampled ones around them (`filling`), weight 0. Empty
     and buried texels repeat the texel that `fill` names, so that a bilinear read at a chart's border sees no black.
     """
     assert state.dtype == TEXEL_STATE
     sampled = state["count"] > 0
     value = state["irradiance"].copy()
-    for width, height, offset in zip(lightmaps.width, lightmaps.height, lightmaps.offset, strict=True):
+    filler = Filler(lightmaps) if filler is None else filler
+    for number, (width, height, offset) in enumerate(
+        zip(lightmaps.width, lightmaps.height, lightmaps.offset, strict=True)
+    ):
         part = slice(offset, offset + width * height)
         if not sampled[part][lightmaps.fill[part][lightmaps.fill[part] >= 0] - offset].all():
-            known = sampled[part].reshape(height, width)
-            value[part] = pull_push(value[part].reshape(height, width, 3), known).reshape(-1, 3)
+            value[part] = filler.fill(number, value[part], sampled[part], state["number"][part] > 0)
     out = np.zeros(len(state), dtype=PUBLISHED_TEXEL)
     out["rgba"] = filled(lightmaps, _packed(value, sampled))
     return out
@@ -173,34 +173,3 @@ def _packed(value: np.ndarray, sampled: np.ndarray) -> np.ndarray:
 def _in_half(value: np.ndarray) -> np.ndarray:
     """Irradiance (M, 3) as binary16 holds it, float32."""
     return half_to_float(float_to_half(float_minmax(value, np.asarray(LARGEST_HALF))))
-
-
-@quiet
-def pull_push(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Fills an image (H, W, K) float32 where not `known` (H, W), smoothly; known pixels stay. All unknown: zero.
-
-    Gortler et al. 1996 with weights 0 and 1: each coarser pixel is the mean of the known ones among its four, and an
-    unknown pixel is read bilinearly from the coarser image, which was filled first. Sums run row by row.
-    """
-    height, width = known.shape
-    if known.all() or not known.any():
-        return np.where(known[..., None], values, np.float32(0))
-    rows, columns = (height + 1) // 2, (width + 1) // 2
-    total = np.zeros((rows, columns, values.shape[2]), dtype=np.float32)
-    count = np.zeros((rows, columns), dtype=np.float32)
-    for j, i in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        part = known[j::2, i::2]
-        place = slice(part.shape[0]), slice(part.shape[1])
-        count[place] += part
-        total[place] = flush(total[place] + np.where(part[..., None], values[j::2, i::2], np.float32(0)))
-    mean = flush(total / np.maximum(count, np.float32(1))[..., None])
-    coarse = pull_push(mean, count > 0)
-
-    def doubled(image: np.ndarray, size: int) -> np.ndarray:
-        """Twice as long along the first axis: 3/4 of the pixel above and 1/4 of the nearer neighbour."""
-        index = np.arange(size)
-        near, far = index // 2, np.clip(index // 2 + np.where(index % 2, 1, -1), 0, len(image) - 1)
-        return flush(flush(image[near] * np.float32(0.75)) + flush(image[far] * np.float32(0.25)))
-
-    smooth = doubled(doubled(coarse, height).swapaxes(0, 1), width).swapaxes(0, 1)
-    return np.where(known[..., None], values, smooth)

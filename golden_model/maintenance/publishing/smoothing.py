@@ -11,6 +11,10 @@ or lost; of two that are not, the better known one is moved less. Normalised wei
 (Dammertz et al. 2010, "Edge-avoiding à-trous wavelet transform", with the variance-guided stops of Schied et al. 2017,
 SVGF, are the models of this).
 
+Before that, what is stale (`sampling.confidence`) or has no sample takes the mean of the fresh texels beside it, or
+else of those two away, by how well each is known; what it showed before counts by what it is still worth. So a change
+of light is shown where one texel in nine has found it, and nothing turns black that knew something.
+
 Everything is whole numbers, for hardware: noise and differences are logarithms in half octaves, a weight is read from a
 table of eight entries, and the sums are exact and rounded to binary16 once a pass.
 """
@@ -19,13 +23,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightloom.golden_model.numerics.floats import float_to_half, half_to_float
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
+from lightloom.golden_model.contract.formats import COUNT_BITS, ONE_SAMPLE
+from lightloom.golden_model.maintenance.sampling.confidence import STALE
+from lightloom.golden_model.numerics.floats import fixed64_to_float, float_divide, float_to_half, half_to_float
+from lightloom.golden_model.numerics.logarithm import half_octaves
+from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, joined
 
 STEPS = (1, 2)
 """Distance of the neighbours in each pass."""
-REACH = sum(STEPS) + 1
-"""Texels at most from one that decide on what it becomes: the first pass looks at means of 3 x 3 around both ends."""
+REACH = sum(STEPS) + 1 + max(STEPS)
+"""Texels at most from one that decide on what it becomes.
+
+The first pass looks at means of 3 x 3 around both ends, and each of these may be stale."""
 WEIGHTS = (8, 8, 7, 6, 4, 2, 0)
 """Eighths, for a difference in half octaves above the noise: up to LEAST_DIFFERENCE, then one more each."""
 LEAST_DIFFERENCE = -2
@@ -35,6 +44,8 @@ HOLE_MASS = -2
 """Of a texel without samples, whose value comes from around it: a quarter of a sample."""
 HOLE_NOISE = 128
 """Its relative noise in 256ths."""
+FRESH_MASS = 2
+"""What counts most of a fresh texel where a stale one looks for its light: four samples."""
 ALIKE = np.float32(0.95)
 """Cosine of the normals of texels that are smoothed together."""
 _VALUE_BITS = 24
@@ -47,21 +58,36 @@ class Smoother:
     """The neighbours of all texels, and what smoothing makes of them. Made once a scene; tables of the hardware."""
 
     def __init__(self, lightmaps: Lightmaps):
-        """Of lightmaps at rest: neighbours are valid texels of the same chart whose normals are `ALIKE`."""
-        owner = lightmaps.texels["object"]
-        number = np.arange(len(owner))
-        width, height = lightmaps.width[owner].astype(np.int64), lightmaps.height[owner].astype(np.int64)
-        row, column = np.divmod(number - lightmaps.offset[owner], width)
+        """Of lightmaps at rest: neighbours are valid texels that are joined, whose normals are `ALIKE`.
+
+        Aslant they are joined by way of one of the two texels between.
+        """
+        number = np.arange(len(lightmaps.texels))
+        width = lightmaps.width[lightmaps.texels["object"]].astype(np.int64)
         valid, normal = lightmaps.texels["state"] == VALID, lightmaps.texels["normal"]
+        right, down = joined(lightmaps)
 
-        def other(dy: int, dx: int) -> np.ndarray:
-            there = (row + dy >= 0) & (row + dy < height) & (column + dx >= 0) & (column + dx < width)
-            beside = np.where(there, number + dy * width + dx, number)
-            linked = valid & valid[beside] & (lightmaps.chart == lightmaps.chart[beside])
-            linked &= (normal * normal[beside]).sum(axis=1) > ALIKE
-            return np.where(linked, beside, number)
+        def along(texel: np.ndarray, dy: int, dx: int) -> np.ndarray:
+            """The texel beside each of (N,) in a row or a column, -1 where they are not joined."""
+            step = width[np.maximum(texel, 0)] if dy else 1
+            other = np.where(texel >= 0, texel + (dy + dx) * step, -1)
+            first = np.minimum(texel, other)
+            reached = (first >= 0) & (down if dy else right)[np.maximum(first, 0)]
+            return np.where(reached & valid[np.clip(other, 0, len(valid) - 1)], other, -1)
 
-        one = np.stack([other(dy, dx) for dy, dx in _NEIGHBOURS], axis=1)
+        def beside(dy: int, dx: int) -> np.ndarray:
+            ways = [((dy, 0), (0, dx)), ((0, dx), (dy, 0))] if dy and dx else [((dy, dx),)]
+            ends = []
+            for way in ways:
+                end = np.where(valid, number, -1)
+                for step in way:
+                    end = along(end, *step)
+                ends.append(end)
+            other = np.where(ends[0] >= 0, ends[0], ends[-1])
+            alike = (normal * normal[np.maximum(other, 0)]).sum(axis=1) > ALIKE
+            return np.where((other >= 0) & alike, other, number)
+
+        one = np.stack([beside(dy, dx) for dy, dx in _NEIGHBOURS], axis=1)
         two = np.stack([one[one[:, k], k] for k in range(len(_NEIGHBOURS))], axis=1)
         # The texel between belongs to both: nothing goes over what stands there.
         reached = (one != number[:, None]) & (two != one)
@@ -94,10 +120,28 @@ class Smoother:
         """What the passes look at, at texels (M,); elsewhere there is nothing of meaning."""
         count = len(value)
         field = _Field(np.zeros((count, 3), dtype=np.int64), *(np.zeros(count, dtype=np.int64) for _ in range(3)))
-        light = (value[texel].astype(np.float64) * 2.0**_VALUE_BITS).astype(np.int64)
+        light = self._refreshed(value, state, texel)
         field.light[texel], field.luminance[texel] = light, _luminance(light)
         field.mass[texel], field.noise[texel] = mass_of(state[texel]), noise_of(state[texel], light)
         return field
+
+    def _refreshed(self, value: np.ndarray, state: np.ndarray, texel: np.ndarray) -> np.ndarray:
+        """Light (M, 3) int64 in 2**-24 of texels (M,): that of `value`, or what is around them where they are stale."""
+        out = _fixed(value[texel])
+        waiting = np.flatnonzero(state["count"][texel] < STALE)
+        for step in STEPS:
+            here, beside = texel[waiting], self.beside[step][texel[waiting]]
+            fresh = (beside != here[:, None]) & (state["count"][beside] >= ONE_SAMPLE)
+            mass = np.minimum(mass_of(state[beside]), FRESH_MASS)
+            weight = np.where(fresh, np.array(_SHARES) * ONE_SAMPLE << np.maximum(mass, 0), 0)
+            own = 4 * state["count"][here].astype(np.int64)
+            total = (weight[..., None] * _fixed(value[beside])).sum(axis=1) + own[:, None] * out[waiting]
+            found = fresh.any(axis=1)
+            whole = (weight.sum(axis=1) + own)[found, None]
+            mean = float_divide(fixed64_to_float(total[found], _VALUE_BITS), fixed64_to_float(whole))
+            out[waiting[found]] = _fixed(half_to_float(float_to_half(mean)))
+            waiting = waiting[~found]
+        return out
 
     def _mean(self, what: np.ndarray, texel: np.ndarray) -> np.ndarray:
         """The weighted mean of each 3 x 3 of a quantity (N,), rounded down, at texels (M,)."""
@@ -114,7 +158,7 @@ class Smoother:
         total, taken = light[texel] << WEIGHT_BITS, np.zeros(len(texel), dtype=np.int64)
         for k, share in enumerate(_SHARES):
             beside = self.beside[step][texel, k]
-            over = logarithm(np.abs(level[texel] - level[beside])) - np.maximum(noise[texel], noise[beside])
+            over = half_octaves(np.abs(level[texel] - level[beside])) - np.maximum(noise[texel], noise[beside])
             eighths = np.array(WEIGHTS)[np.clip(over - LEAST_DIFFERENCE, 0, len(WEIGHTS) - 1)]
             weight = (eighths * share << WEIGHT_BITS - 7) >> np.maximum(mass[texel] - mass[beside], 0)
             weight[beside == texel] = 0
@@ -134,22 +178,21 @@ class _Field:
     noise: np.ndarray  # (N,) int64: `noise_of`
 
 
+def _fixed(value: np.ndarray) -> np.ndarray:
+    """Light that binary16 holds, float32, in 2**-24: int64."""
+    return (value.astype(np.float64) * 2.0**_VALUE_BITS).astype(np.int64)
+
+
 def _in_half(total: np.ndarray) -> np.ndarray:
     """Sums of light times weights, rounded to float32 and then to binary16, as light in 2**-24 again: int64."""
     half = float_to_half(total.astype(np.float32) * np.float32(2.0 ** -(_VALUE_BITS + WEIGHT_BITS)))
-    return (half_to_float(half).astype(np.float64) * 2.0**_VALUE_BITS).astype(np.int64)
-
-
-def logarithm(number: np.ndarray) -> np.ndarray:
-    """Of whole numbers (N,) in half octaves, rounded down: twice the place of the top bit, and 1 from 1.4140625 on."""
-    fraction, exponent = np.frexp(np.maximum(number, 1).astype(np.float64))
-    return 2 * (exponent.astype(np.int64) - 1) + (fraction >= 181 / 256)
+    return _fixed(half_to_float(half))
 
 
 def mass_of(state: np.ndarray) -> np.ndarray:
     """How well texels are known: the logarithm of the number of their samples, at most 4, (N,) int64."""
     count = state["count"].astype(np.int64)
-    return np.where(count > 0, logarithm(np.minimum(count, 16)) >> 1, HOLE_MASS)
+    return np.where(count > 0, (half_octaves(np.minimum(count, 16 * ONE_SAMPLE)) >> 1) - COUNT_BITS, HOLE_MASS)
 
 
 def noise_of(state: np.ndarray, light: np.ndarray) -> np.ndarray:
@@ -159,9 +202,11 @@ def noise_of(state: np.ndarray, light: np.ndarray) -> np.ndarray:
     """
     count, spread = state["count"].astype(np.int64), state["spread"].astype(np.int64) * 5 >> 3
     deviation = state["deviation"].astype(np.int64) * 5 >> 2
-    relative = np.where(count >= 5, deviation, np.where(count >= 2, np.maximum(deviation, spread), spread))
+    known = np.where(count >= 2 * ONE_SAMPLE, np.maximum(deviation, spread), spread)
+    relative = np.where(count >= 5 * ONE_SAMPLE, deviation, known)
     relative = np.where(count > 0, relative, HOLE_NOISE)
-    return logarithm(relative) - 16 + logarithm(_luminance(light)) - (logarithm(np.minimum(count, 63)) >> 1)
+    samples = half_octaves(np.minimum(count, 63 * ONE_SAMPLE)) - 2 * COUNT_BITS
+    return half_octaves(relative) - 16 + half_octaves(_luminance(light)) - (np.where(count > 0, samples, 0) >> 1)
 
 
 def _luminance(light: np.ndarray) -> np.ndarray:

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from lightloom.golden_model.numerics.floats import fixed64_to_float, float_to_fixed
+from lightloom.golden_model.numerics.floats import beyond_fixed, fixed64_to_float, float_to_fixed
+from lightloom.golden_model.numerics.logarithm import half_octaves
 from lightloom.golden_model.numerics.sample_spread import LUMINANCE_BITS, luminance
 from lightloom.golden_model.scene.light_unit import around_point_lights
 from lightloom.golden_model.scene.scene import Scene
@@ -16,8 +17,8 @@ BALANCED_HEADROOM_BITS = 6
 than twenty times what the brightest light emits, in one ray."""
 SETTLED_BITS = 10
 """Light is settled if less than 2**-SETTLED_BITS of it is still to come."""
-REST_BITS = 7
-"""All light is at rest if sampling every texel anew changes it by less than 2**-REST_BITS of it."""
+REST_BITS = 6
+"""All light is at rest if sampling every texel anew changes it by less than 2**-REST_BITS half octaves on average."""
 _LUMINANCE_SHIFT = 4
 """A contribution's luminance is added up in units of 4 of the accumulators' (and is the mean of four parts)."""
 
@@ -43,7 +44,7 @@ def fraction_bits(scene: Scene, balanced: bool) -> int:
 
 def beyond(contribution: np.ndarray, fraction: int) -> int:
     """How many contributions of rays (R, 3) float32 saturate, in any colour: light that gets lost."""
-    return int(np.count_nonzero((contribution >= np.float32(2.0 ** (31 - fraction))).any(axis=1)))
+    return int(np.count_nonzero(beyond_fixed(contribution, fraction).any(axis=1)))
 
 
 def accumulate(slot: np.ndarray, contribution: np.ndarray, slots: int, fraction: int) -> np.ndarray:
@@ -96,12 +97,20 @@ def dark(totals: list[int]) -> bool:
     return len(totals) >= 3 and not totals[-1]
 
 
-def at_rest(sweeps: list[int]) -> bool:
-    """Whether the light of all texels, after each time that all were sampled anew, changed little the last time.
+def brightness_of(irradiance: np.ndarray, fraction: int) -> int:
+    """Luminance of texels (M, 3) float32 as a logarithm in half octaves, of all together."""
+    return int(half_octaves(float_to_fixed(luminance(irradiance), fraction).astype(np.int64)).sum())
 
-    By less than 2**-REST_BITS of it, which is what the noise of some thousand texels comes to.
+
+def at_rest(sweeps: list[int], texels: int) -> bool:
+    """Whether so many texels, after each time that all were sampled anew, changed little the last two times.
+
+    `sweeps` has their brightness (`brightness_of`) each time. By less than 2**-REST_BITS half octaves on average, half
+    a per cent: that is what the noise of some thousand texels comes to, so once may be chance. Logarithms, because a
+    dark corner that light comes to after many bounces says nothing in a sum beside the lamp.
     """
-    return len(sweeps) > 1 and abs(sweeps[-1] - sweeps[-2]) << REST_BITS < sweeps[-1]
+    last = sweeps[-3:]
+    return len(last) == 3 and max(last) - min(last) << REST_BITS < texels
 
 
 def irradiance(total: np.ndarray, fraction: np.ndarray | int) -> np.ndarray:

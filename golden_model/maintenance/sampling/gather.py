@@ -4,6 +4,10 @@ This is the ray work of lightmap maintenance ([0059], [0062] to [0065]), without
 are kept alive frame by frame (`golden_model.maintenance.maintainer`) and for those that are brought to convergence
 (`golden_model.oracle.converged_maps`). It proceeds in waves of the ray collector, which other emitters share: a
 generator that yields where its rays wait to be traced (`golden_model.rays.waves`).
+
+A ray over the hemisphere and what goes on from it is a path. It carries what it has brought so far, and its weight,
+from one ray to the next; what it has brought at its end is one contribution to its texel. A shadow ray's is another.
+Contributions are added up in fixed point, so it does not matter in which order they come in.
 """
 
 from dataclasses import dataclass
@@ -91,6 +95,7 @@ def gather(world: World, update: Update, sampling: Sampling, collector: Collecto
     shadow = collector.emit(MAINTENANCE, rays.shadow, any_hit=True)
     yield
     arrived = collector.hits(shadow)["primitive"] < 0
+    direct = [(rays.shadow_slot[arrived], rays.light[arrived])]
     traced = {"indirect": len(rays.indirect), "specular": 0, "shadow": len(rays.shadow)}
     radiance = np.zeros((len(rays.indirect), 3), dtype=np.float32)
     for bounce in range(sampling.bounces + 1):
@@ -103,7 +108,7 @@ def gather(world: World, update: Update, sampling: Sampling, collector: Collecto
             path.add(radiance, shaded.radiance)
             if bounce == 0 and (sampling.balanced or world.lights.distant):
                 radiance = add(radiance, light_met(update, world.lights, rays, hits))
-            lit = path.lit(world, hits) if sampling.direct == "rays" else None
+            lit = path.lit(world, rays, hits) if sampling.direct == "rays" else None
             path = path.follow(shaded.onward) if bounce < sampling.bounces else path.none()
         if not len(path.rays) and lit is None:
             break
@@ -114,26 +119,25 @@ def gather(world: World, update: Update, sampling: Sampling, collector: Collecto
             traced["shadow"] += len(lit.rays)
         yield
         if lit is not None:
-            lit.add(radiance, collector.hits(shadow)["primitive"] < 0)
+            arrived = collector.hits(shadow)["primitive"] < 0
+            direct.append((lit.slot[arrived], lit.light[arrived]))
         if not len(path.rays):
             break
     with clock("accumulate"):
         indirect = indirect_share(radiance, sampling.directions)
-        return _added_up(rays, indirect, arrived, world.fraction, traced)
+        slot, light = (np.concatenate(parts) for parts in zip(*direct, strict=True))
+        groups = (rays.indirect_slot, indirect), (slot, light)
+        planned = rays.directions, samples if sampling.direct == "maps" else rays.directions
+        return _added_up(groups, planned, len(update.texel), world.fraction, traced)
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Lit:
-    """Shadow rays from what rays have met, at most one a ray."""
+    """Shadow rays from what rays have met, K of them."""
 
-    root: np.ndarray
-    rays: np.ndarray
-    radiance: np.ndarray
-
-    def add(self, radiance: np.ndarray, arrived: np.ndarray) -> None:
-        """Adds what those that `arrived` (K,) bring to the radiance (R, 3) of the rays over the hemisphere."""
-        root = self.root[arrived]
-        radiance[root] = add(radiance[root], self.radiance[arrived])
+    slot: np.ndarray  # (K,): which of the update's texels each belongs to
+    rays: np.ndarray  # RAY (K,)
+    light: np.ndarray  # (K, 3): what each contributes to the texel's irradiance if nothing blocks it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,11 +164,12 @@ class _Paths:
         """Adds what they bring, (K, 3), to the radiance (R, 3) of the rays over the hemisphere."""
         radiance[self.root] = add(radiance[self.root], multiply(self.weight, brought))
 
-    def lit(self, world: World, hits: np.ndarray) -> _Lit:
-        """The shadow rays of what they have met, HIT (K,)."""
+    def lit(self, world: World, rays: TexelRays, hits: np.ndarray) -> _Lit:
+        """The shadow rays of what they have met, HIT (K,): at most one of a path, which ends there."""
         direct = direct_at_hits(world.surfaces, world.lights, hits, hash_u32(self.key, _LIT))
+        slot = rays.indirect_slot[self.root[direct.parent]]
         radiance = multiply(self.weight[direct.parent], direct.value)
-        return _Lit(root=self.root[direct.parent], rays=direct.rays, radiance=radiance)
+        return _Lit(slot=slot, rays=direct.rays, light=indirect_share(radiance, rays.directions[slot]))
 
     def follow(self, onward: Onward) -> "_Paths":
         """The rays that go on from them."""
@@ -176,15 +181,20 @@ class _Paths:
 
 
 def _added_up(
-    rays: TexelRays, indirect: np.ndarray, arrived: np.ndarray, fraction: int, traced: dict[str, int]
+    groups: tuple[tuple[np.ndarray, np.ndarray], ...],
+    planned: tuple[np.ndarray | int, ...],
+    texels: int,
+    fraction: int,
+    traced: dict[str, int],
 ) -> Gathered:
-    """Contributions (R, 3) of the rays over the hemisphere, and of the shadow rays that `arrived` (S,), by texel."""
-    texels = len(rays.directions)
-    slot, light = rays.shadow_slot[arrived], rays.light[arrived]
+    """Contributions by texel: of the paths, and of the shadow rays that arrived; slots (R,) and values (R, 3) of each.
+
+    `planned`, (M,) or one for all, is how many of each kind a texel may have; those that are not there bring nothing.
+    """
     sums = np.zeros(texels, dtype=SAMPLE_SUMS)
-    both = np.concatenate([rays.indirect_slot, slot]), np.concatenate([indirect, light])
-    sums["total"] = accumulate(*both, texels, fraction)
-    for k, group in enumerate(((rays.indirect_slot, indirect), (slot, light))):
+    slot, contribution = (np.concatenate(parts) for parts in zip(*groups, strict=True))
+    sums["total"] = accumulate(slot, contribution, texels, fraction)
+    for k, group in enumerate(groups):
         sums["sums"][:, k], sums["squares"][:, k] = luminance_sums(*group, texels, fraction)
-    sums["rays"][:, 0], sums["rays"][:, 1] = rays.directions, rays.light_samples
-    return Gathered(sums=sums, fraction=fraction, rays=traced, clipped=beyond(both[1], fraction))
+        sums["rays"][:, k] = planned[k]
+    return Gathered(sums=sums, fraction=fraction, rays=traced, clipped=beyond(contribution, fraction))

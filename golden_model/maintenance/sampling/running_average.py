@@ -4,7 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import RELATIVE_MAX, SAMPLE_SUMS, TEXEL_BLEND, TEXEL_BLENDED, TEXEL_STATE
+from lightloom.golden_model.contract.formats import (
+    FRAMES,
+    RELATIVE_MAX,
+    SAMPLE_SUMS,
+    TEXEL_BLEND,
+    TEXEL_BLENDED,
+    TEXEL_STATE,
+)
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.parameters import check, number
 from lightloom.golden_model.maintenance.sampling.texel_blend import texel_blend
@@ -52,7 +59,7 @@ def blend_texels(
     result = texel_blend(operands)
     for name in TEXEL_BLENDED.names or ():
         before[name] = result[name]
-    before["frame"] = frame % 65536
+    before["frame"] = frame % FRAMES
     before["number"] = (before["number"] + 1) % NUMBERS
     state[texel] = before
 

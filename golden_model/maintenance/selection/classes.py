@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from lightloom.golden_model.contract.formats import FRAMES, ONE_SAMPLE
 from lightloom.golden_model.maintenance.selection.policy import CLASSES, SHARE, Policy
 
 IN_ORDER, OLD, FEW, NEVER = range(4)
@@ -23,7 +24,8 @@ def class_table(policy: Policy) -> np.ndarray:
     points[..., 2:] += np.array(policy.change_points)[:, None]
     points[..., :2] += np.array(policy.hidden_change_points)[:, None]
     points += np.array(policy.variability_points)[:, None, None]
-    points += np.array(policy.need_points)[:, None, None, None]
+    points[..., 2:] += np.array(policy.need_points)[:, None, None, None]
+    points[..., :2] += np.array(policy.hidden_need_points)[:, None, None, None]
     points += np.array(policy.lod_points)[:, None, None, None, None]
     return np.clip(points, 0, CLASSES - 1).astype(np.uint8)
 
@@ -31,11 +33,11 @@ def class_table(policy: Policy) -> np.ndarray:
 def needs(state: np.ndarray, frame: int, policy: Policy) -> np.ndarray:
     """TEXEL_STATE (N,) at a frame to IN_ORDER, OLD, FEW or NEVER, (N,) uint8: by count and by age ([0058]).
 
-    Ages are modulo 65536, as the state holds them.
+    Ages are modulo FRAMES, as the state holds them.
     """
-    age = (np.uint16(frame % 65536) - state["frame"]).astype(np.uint16)
+    age = (frame - state["frame"].astype(np.int64)) % FRAMES
     out = np.where(age >= policy.old, np.uint8(OLD), np.uint8(IN_ORDER))
-    out = np.where(state["count"] < policy.few, np.uint8(FEW), out)
+    out = np.where(state["count"] < policy.few * ONE_SAMPLE, np.uint8(FEW), out)
     return np.where(state["count"] == 0, np.uint8(NEVER), out)
 
 

@@ -1,14 +1,15 @@
 """The selection policy: every constant that decides which texels are sampled, by name and with its range.
 
-`POLICIES` are four of them, each with all that the one before has: "round-robin" takes all texels in turn,
-"visibility" prefers those that are seen ([0068] to [0070], [0074]), "variability" those whose values vary ([0072] to
-[0075]), "influence" those whose light changes ([0076] to [0083]).
+`POLICIES` are four of them: "round-robin" takes all texels in turn, "visibility" prefers those that are seen ([0068] to
+[0070], [0074]); beside that "variability" prefers those whose values vary ([0072] to [0075]), and "influence", the
+default, those whose light changes ([0076] to [0083]).
 """
 
 from dataclasses import dataclass, replace
 
+from lightloom.golden_model.contract.formats import FRAMES
 from lightloom.golden_model.host.errors import InputError
-from lightloom.golden_model.host.parameters import check, choice, flag, number
+from lightloom.golden_model.host.parameters import check, choice, flag, number, powers_of_two, whole
 
 CLASSES = 16
 """Priority classes, 0 to 15: a texel of class c is sampled twice as often as one of class c - 1."""
@@ -63,7 +64,7 @@ class Policy:
 
     # --- variability: where light varies ([0058], [0072], [0073], [0075], FIG. 13 and 14) ---
     variability_bits: int = number(
-        2, 0, 2, "Of the variability map: 0 (there is none), 1 (low or high) or 2 (bins 0 to 3)."
+        0, 0, 2, "Of the variability map: 0 (there is none), 1 (low or high) or 2 (bins 0 to 3)."
     )
     across_frames: bool = flag(True, "Varies with the deviation between updates.")
     within_frame: bool = flag(True, "Varies with the spread of the rays of one update.")
@@ -134,12 +135,10 @@ class Policy:
     footprint_rays: int = number(64, 0, 1024, "Rays for footprints a frame, at most.")
     heavy_level: int = number(2, 1, 4, "Change levels from this one on make new samples weigh more, 4: none.")
     heavy_updates: int = number(6, 0, 7, "The number of updates that do.")
-    drop_level: int = number(
-        3,
-        1,
-        4,
-        "Texels that influence reaches at such levels drop their values at once, 4: none; until they are "
-        "sampled they show what the texels around them have found since (claim 14).",
+    lower: bool = flag(
+        True,
+        "What texels know that influence reaches is worth less by the change to be expected, and nothing where all of "
+        "their light changes; until they are sampled they show what fresh ones around them have found (claim 14).",
     )
     drift: bool = flag(
         True, "Samples of a map whose light as a whole is on its way to somewhere else weigh more, until it is there."
@@ -151,6 +150,9 @@ class Policy:
     invalidate: bool = flag(False, "The first of these updates drops the old value instead (claim 14).")
 
     # --- how a frame's updates are shared out ---
+    together: int = whole(
+        4, powers_of_two(1, 64), "Texels of a region that follow each other in the order of turns, spread over it."
+    )
     sweep: int = number(
         48, 0, SHARE, "Share of the updates, in 1/256, that goes round all visible texels whatever their class."
     )
@@ -164,18 +166,20 @@ class Policy:
         (1, 3, 6, 7), -15, 15, "For degrees 0 to 3; the sum is clipped to 0 to 15."
     )
     change_points: tuple[int, int, int, int] = number(
-        (0, 2, 3, 4), -15, 15, "For change levels 0 to 3 of texels of degree 2 and 3."
+        (0, 0, 1, 2), -15, 15, "For change levels 0 to 3 of texels of degree 2 and 3."
     )
     hidden_change_points: tuple[int, int, int, int] = number(
-        (0, 3, 5, 6), -15, 15, "For change levels 0 to 3 of the others: their light reaches the seen ones."
+        (0, 1, 2, 3), -15, 15, "For change levels 0 to 3 of the others: their light reaches the seen ones."
     )
     variability_points: tuple[int, int, int, int] = number((0, 1, 2, 3), -15, 15, "For bins 0 to 3.")
     need_points: tuple[int, int, int, int] = number(
-        (0, 1, 4, 2),
+        (0, 1, 4, 4),
         -15,
         15,
-        "For texels in order, not sampled for `old` frames, with fewer than `few` samples, never sampled: those "
-        "show what lies around them, with less noise than one sample of their own has.",
+        "For texels in order, not sampled for `old` frames, worth fewer than `few` samples, of which nothing is known.",
+    )
+    hidden_need_points: tuple[int, int, int, int] = number(
+        (0, 1, 1, 1), -15, 15, "The same for texels of degree 0 and 1."
     )
     lod_points: tuple[int, int, int, int] = number(
         (0, -2, -4, -6),
@@ -183,8 +187,8 @@ class Policy:
         15,
         "For levels of detail 0 to 3: -2 a level is a quarter of the samples a texel, the same number a pixel.",
     )
-    few: int = number(8, 1, 255, "Samples in the running average.")
-    old: int = number(64, 1, 32768, "Frames since the last update.")
+    few: int = number(3, 1, 255, "Samples that an average is worth.")
+    old: int = number(64, 1, FRAMES // 2, "Frames since the last update, which are counted modulo 4096.")
 
     def __post_init__(self) -> None:
         """Raises InputError, one line, for the first parameter that is not what it may be."""
@@ -203,7 +207,7 @@ class Policy:
             raise InputError(f"policy sweep {self.sweep} and probe {self.probe}: together at most {SHARE}")
 
 
-_VISIBILITY = Policy(variability_bits=0, notice=False, influence="off", drift=False)
+_VISIBILITY = Policy(notice=False, influence="off", drift=False)
 _VARIABILITY = replace(_VISIBILITY, variability_bits=2)
 
 POLICIES = {
@@ -213,7 +217,7 @@ POLICIES = {
     "variability": _VARIABILITY,
     "influence": Policy(),
 }
-"""Policies by name, each with all that the one before has."""
+"""Policies by name: each has all that the one before has, but the map of variability is that of "variability" alone."""
 
 
 def policy_of(name: str) -> Policy:

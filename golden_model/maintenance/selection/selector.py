@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightloom.golden_model.contract.formats import LIKELY, SEEN
+from lightloom.golden_model.maintenance.publishing.regions import SIDE_LEVELS
 from lightloom.golden_model.maintenance.sampling.running_average import drop
 from lightloom.golden_model.maintenance.selection.classes import Share, class_table, needs, quotas
 from lightloom.golden_model.maintenance.selection.influence.changes import table_of
 from lightloom.golden_model.maintenance.selection.influence.footprints import footprints
-from lightloom.golden_model.maintenance.selection.influence.reach import loose_bounds, texel_levels, touched
+from lightloom.golden_model.maintenance.selection.influence.reach import loose_bounds, texel_changes, touched
 from lightloom.golden_model.maintenance.selection.influence.volumes import volumes
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import CLASSES, SHARE, Policy
@@ -28,21 +29,25 @@ from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.trace_protocol import Trace
 
 
-def coarse_to_fine(lightmaps: Lightmaps) -> np.ndarray:
+def coarse_to_fine(lightmaps: Lightmaps, together: int = 1) -> np.ndarray:
     """The valid texels, (V,) int64, ordered so that every beginning of the list is spread evenly over all maps.
 
     Texels are ordered by the reversed bits of their Morton code: first those of a wide lattice, then the ones that
     halve its spacing, and so on. So a map that starts empty appears as a whole and becomes finer, and what is sampled
     in one frame lies far apart. Texels of several maps that share a place go by their number.
+
+    So many `together`, a power of two up to 64, of a region of 8 x 8 follow each other, spread over it: the first ones
+    of each region, then the next of each. A frame then rewrites fewer regions.
     """
     texel = np.flatnonzero(lightmaps.texels["state"] == VALID)
     map_of = lightmaps.texels["object"][texel]
     row, column = np.divmod(texel - lightmaps.offset[map_of], lightmaps.width[map_of])
     levels = int(max(row.max(initial=0), column.max(initial=0))).bit_length()
-    key = np.zeros(len(texel), dtype=np.int64)
-    for level in range(levels):
-        key = (key << 2) | (((row >> level) & 1) << 1) | ((column >> level) & 1)
-    return texel[np.lexsort((texel, key))]
+    place, region = np.zeros((2, len(texel)), dtype=np.int64)
+    for level in range(max(levels, SIDE_LEVELS)):
+        key = place if level < SIDE_LEVELS else region
+        key[:] = (key << 2) | (((row >> level) & 1) << 1) | ((column >> level) & 1)
+    return texel[np.lexsort((place % together, map_of, region, place // together))]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,6 +97,8 @@ class Plan:
     """Variability after widening, 0 to 3, (N,) uint8."""
     influence: np.ndarray
     """Change level by influence records, 0 to 3, (N,) uint8."""
+    expected: np.ndarray
+    """Change that is expected in this frame by influence records, 0 to `reach.WHOLE`, (N,) uint8; 0 without `lower`."""
     change: np.ndarray
     """Change level by influence, by what texels noticed, and by updates still to come after a change, (N,) uint8."""
     heavy: np.ndarray
@@ -118,7 +125,7 @@ class Selector:
     def __init__(self, lightmaps: Lightmaps, scene: Scene, policy: Policy | None = None):
         """Lightmaps and scene at rest."""
         self.policy = policy or Policy()
-        self.order = coarse_to_fine(lightmaps)
+        self.order = coarse_to_fine(lightmaps, self.policy.together)
         """The texels in the order in which they are read and take their turns, (V,) int64."""
         self._table = table_of(scene)
         self._classes = class_table(self.policy)
@@ -146,7 +153,7 @@ class Selector:
         allowed = self._allowed(budget, cost)
         records, footprint_rays = self._changes(context, allowed)
         boxes = loose_bounds(self._table, context.after, policy)
-        influence = texel_levels(records, boxes, maps, valid)
+        influence, expected = texel_changes(records, boxes, maps, valid)
         sight, visibility_rays = self._look(context, valid, allowed - footprint_rays)
         bins = self._variability.look(context.state, context.values, valid)
         noticed, believed = self._noticed(context.state, valid)
@@ -169,6 +176,7 @@ class Selector:
             lod=sight.lod,
             bins=bins,
             influence=influence,
+            expected=expected if policy.lower else np.zeros_like(expected),
             change=change,
             heavy=urgent & (policy.heavy_updates > 0),
             # Heavy updates of which none has come yet: the change is known and the value is from before it.

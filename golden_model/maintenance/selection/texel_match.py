@@ -1,14 +1,15 @@
 """The second half of texel visibility: whether a texel is what the four pixels around it see ([0069], [0070], FIG. 9).
 
-Its normal and its depth are compared with those of each pixel. What these cheap tests leave in doubt (a depth slightly
+Its normal and its depth are compared with those of each pixel; by how much depths may differ depends on how the surface
+lies. What these cheap tests leave in doubt (a depth slightly
 off, a silhouette, the border of the picture) is likely to be seen, and may be decided by a ray from the texel to the
 eye.
 """
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import HIDDEN, LIKELY, LOD_BITS, SEEN, TAPS, TEXEL_MATCHED
-from lightloom.golden_model.numerics.floats import flush, half_to_float, quiet
+from lightloom.golden_model.contract.formats import HIDDEN, LIKELY, LOD_BITS, SEEN, SHORTEST, TAPS, TEXEL_MATCHED
+from lightloom.golden_model.numerics.floats import float_minmax, flush, half_to_float, quiet
 
 
 @quiet
@@ -18,10 +19,11 @@ def texel_match(operands: np.ndarray) -> np.ndarray:
 
     LIKELY is what is in doubt, which is everything where the policy has neither of the two tests.
     """
+    tolerance = depth_tolerance(operands)
     best = np.full(len(operands), HIDDEN, dtype=np.uint8)
     level = np.full(len(operands), np.iinfo(np.int16).max, dtype=np.int16)
     for pixel in range(TAPS):
-        outcome = _compare(operands, pixel)
+        outcome = _compare(operands, tolerance, pixel)
         best = np.maximum(best, outcome)
         finer = np.minimum(level, operands["pixel_lod"][:, pixel])
         level = np.where(outcome == SEEN, finer, level)
@@ -32,11 +34,29 @@ def texel_match(operands: np.ndarray) -> np.ndarray:
     return out
 
 
-def _compare(operands: np.ndarray, pixel: int) -> np.ndarray:
+@quiet
+def depth_tolerance(operands: np.ndarray) -> np.ndarray:
+    """By how much depths of TEXEL_MATCH (N,) may differ, (N,) float32.
+
+    For rounding, curvature, and how much the surface rises in depth over some pixels.
+
+    Over one it is z*z * (|nx| + |ny|) / (focal * height of the eye over the texel's plane).
+    """
+    normal, depth = _vector(operands, "normal"), flush(operands["depth"])
+    across, along = (np.abs(_dot(normal, _vector(operands, axis))) for axis in ("right", "up"))
+    over = float_minmax(flush(flush(operands["focal"]) * np.abs(flush(operands["above"]))), SHORTEST, True)
+    steep = flush(flush(flush(across + along) * depth) / over)
+    margin = flush(np.float32(1) + float_minmax(operands["outside"], np.float32(0), True))
+    reach = flush(margin * flush(operands["depth_slopes"]))
+    slope = float_minmax(flush(steep * reach), operands["depth_limit"])
+    part = flush(slope + flush(operands["depth_relative"]))
+    return flush(flush(part * depth) + flush(operands["depth_fixed"]))
+
+
+def _compare(operands: np.ndarray, tolerance: np.ndarray, pixel: int) -> np.ndarray:
     """What one of the pixels (0 to 3) says of each texel (N,): HIDDEN, LIKELY (in doubt) or SEEN."""
     by_normal, by_depth = operands["normal_test"], operands["depth_test"]
     seen_depth = operands["pixel_depth"][:, pixel]
-    tolerance = flush(operands["tolerance"])
     behind = flush(flush(operands["depth"]) - flush(seen_depth))
     same_depth = np.abs(behind) <= tolerance
     # Nearer than what the pixel sees: a silhouette, or geometry thinner than a pixel.
@@ -52,8 +72,15 @@ def _compare(operands: np.ndarray, pixel: int) -> np.ndarray:
 
 def _cosine(operands: np.ndarray, pixel: int) -> np.ndarray:
     """Of the angle between a texel's normal and a pixel's, (N,) float32."""
-    x, y, z = (
-        flush(flush(operands["normal"][:, k]) * half_to_float(operands["pixel_normal"][:, 3 * pixel + k]))
-        for k in range(3)
-    )
+    facing = [half_to_float(operands["pixel_normal"][:, 3 * pixel + k]) for k in range(3)]
+    return _dot(_vector(operands, "normal"), facing)
+
+
+def _vector(operands: np.ndarray, name: str) -> list[np.ndarray]:
+    return [flush(operands[name][:, k]) for k in range(3)]
+
+
+def _dot(a: list[np.ndarray], b: list[np.ndarray]) -> np.ndarray:
+    """(x + y) + z of the products."""
+    x, y, z = (flush(p * q) for p, q in zip(a, b, strict=True))
     return flush(flush(x + y) + z)

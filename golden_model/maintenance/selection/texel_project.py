@@ -1,12 +1,12 @@
 """The first half of texel visibility: from a texel to its surface point, and from there to the screen ([0068], FIG. 8).
 
-What is found is where on the screen the texel lies, and how deep a surface at its pixels may lie to be the texel's own.
+What is found is where on the screen the texel lies, how deep, and how much it is turned towards the eye.
 """
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import SCREEN_BITS, SHORTEST, TEXEL_PLACE
-from lightloom.golden_model.numerics.floats import canonical, float_minmax, float_to_fixed_down, flush, quiet
+from lightloom.golden_model.contract.formats import SCREEN_BITS, TEXEL_PLACE
+from lightloom.golden_model.numerics.floats import float_minmax, float_to_fixed_down, flush, quiet
 
 Vector = list[np.ndarray]
 """Three float32 arrays (N,), flushed, each of its own: a third of the time of one array (N, 3)."""
@@ -37,28 +37,11 @@ def texel_project(operands: np.ndarray) -> np.ndarray:
     near = outside < flush(enlarged * _scalar(operands, "texel_size"))
 
     visible = facing[near]
-    outside = _greatest(outside[near], np.float32(0))
     out["visible"][visible] = True
-    out["depth"][visible] = depth[near]
-    out["tolerance"][visible] = canonical(_tolerance(operands[near], depth[near], np.abs(above[near]), outside))
+    out["depth"][visible], out["above"][visible], out["outside"][visible] = depth[near], above[near], outside[near]
     out["column"][visible] = _taps(x[near], operands["width"][near])
     out["row"][visible] = _taps(y[near], operands["height"][near])
     return out
-
-
-def _tolerance(operands: np.ndarray, depth: np.ndarray, above: np.ndarray, outside: np.ndarray) -> np.ndarray:
-    """By how much depths may differ: rounding, curvature, and how much the surface rises in depth over some pixels.
-
-    Over one it is z*z * (|nx| + |ny|) / (focal * height of the eye over the texel's plane).
-    """
-    normal = _vector(operands, "normal")
-    across, along = (np.abs(_dot(normal, _vector(operands, axis))) for axis in ("right", "up"))
-    over = _greatest(flush(_scalar(operands, "focal") * above), SHORTEST)
-    steep = flush(flush(flush(across + along) * depth) / over)
-    reach = flush(_scalar(operands, "depth_slopes") * flush(np.float32(1) + outside))
-    slope = float_minmax(flush(steep * reach), _scalar(operands, "depth_limit"))
-    part = flush(slope + _scalar(operands, "depth_relative"))
-    return flush(flush(part * depth) + _scalar(operands, "depth_fixed"))
 
 
 def _taps(coordinate: np.ndarray, size: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 from lightloom.golden_model.maintenance.publishing.regions import regions_of
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import SHARE, Policy
-from lightloom.golden_model.numerics.floats import flush, quiet
+from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.scene.lightmap import Lightmaps
 
 HIGH = 3
@@ -44,7 +44,7 @@ def contrast_bins(values: np.ndarray, windows: Windows, thresholds: tuple[int, .
         here = np.flatnonzero(second < len(values))
         one, two = bright[here], bright[second[here]]
         gap = flush(np.abs(flush(one - two)) * np.float32(256))
-        larger = np.maximum(one, two)
+        larger = float_minmax(one, two, True)
         found = np.zeros(len(bright), dtype=np.uint8)
         for threshold in thresholds:
             found[here] += gap > flush(larger * np.float32(threshold))

@@ -53,7 +53,8 @@ def screen_test(
     degree, lod = np.full(count, UNSEEN, dtype=np.uint8), np.zeros(count, dtype=np.uint8)
     place = texel_project(_to_project(position, normal, view, texel_size, policy))
     visible = np.flatnonzero(place["visible"])
-    found = texel_match(_to_match(normal[visible], place[visible], pixels_of(gbuffer), policy))
+    operands = _to_match(normal[visible], place[visible], view, pixels_of(gbuffer), texel_size, policy)
+    found = texel_match(operands)
     degree[visible], lod[visible] = found["degree"], found["lod"]
     return Sight(degree=degree, lod=lod)
 
@@ -72,17 +73,25 @@ def _to_project(position: np.ndarray, normal: np.ndarray, view: View, texel_size
     out["position"], out["normal"], out["eye"] = position, normal, view.position
     for name in ("right", "up", "forward", "focal", "near", "width", "height"):
         out[name] = getattr(view, name)
-    for name in ("facing_slack", "depth_slopes", "depth_limit", "depth_relative"):
-        out[name] = getattr(policy, name)
-    out["texel_size"] = texel_size
-    out["depth_fixed"] = float_multiply(out["texel_size"], np.asarray(policy.depth_texels, dtype=np.float32))
+    out["texel_size"], out["facing_slack"] = texel_size, policy.facing_slack
     return out
 
 
-def _to_match(normal: np.ndarray, place: np.ndarray, pixels: np.ndarray, policy: Policy) -> np.ndarray:
+def _to_match(
+    normal: np.ndarray, place: np.ndarray, view: View, pixels: np.ndarray, texel_size: float, policy: Policy
+) -> np.ndarray:
     """TEXEL_MATCH (N,) of visible texels' normals and TEXEL_PLACE (N,), and PIXEL (H, W)."""
     out = np.zeros(len(place), dtype=TEXEL_MATCH)
-    out["normal"], out["depth"], out["tolerance"] = normal, place["depth"], place["tolerance"]
+    out["normal"] = normal
+    for name in ("depth", "above", "outside"):
+        out[name] = place[name]
+    for name in ("right", "up", "focal"):
+        out[name] = getattr(view, name)
+    for name in ("depth_slopes", "depth_limit", "depth_relative"):
+        out[name] = getattr(policy, name)
+    out["depth_fixed"] = float_multiply(
+        *(np.asarray(each, dtype=np.float32) for each in (texel_size, policy.depth_texels))
+    )
     for name in ("normal_test", "depth_test", "normal_cosine", "depth_doubt", "lod_levels"):
         out[name] = getattr(policy, name)
     for tap, (row, column) in enumerate(np.ndindex(2, 2)):

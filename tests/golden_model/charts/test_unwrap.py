@@ -9,13 +9,14 @@ import pytest
 import trimesh
 
 from lightloom.golden_model.charts import curved
-from lightloom.golden_model.charts.planar import GAP, pack, planar_pieces
+from lightloom.golden_model.charts.planar import GAP, pack
 from lightloom.golden_model.charts.texels import texel_records
 from lightloom.golden_model.charts.unwrap import object_charts, unwrap
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.numerics.vectors import interpolate
 from lightloom.golden_model.scene.assemble import assemble
 from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.scene.flat_pieces import planar_pieces
 from lightloom.golden_model.scene.lightmap import (
     BURIED,
     EMPTY,
@@ -160,7 +161,8 @@ def test_quads_become_rectangles_sampled_from_edge_to_edge(cornell: tuple[Scene,
 
 def test_every_texel_is_where_its_place_in_the_map_says(cornell: tuple[Scene, Lightmaps]) -> None:
     """The floor's texel (i, j): u runs along z or x; its point interpolates the corners within a margin."""
-    scene, lightmaps = cornell
+    scene, _ = cornell
+    lightmaps = unwrap(scene)  # none is moved where it is not known what stands there
     number = scene.object_names.index("floor")
     width, height = int(lightmaps.width[number]), int(lightmaps.height[number])
     part = slice(int(lightmaps.offset[number]), int(lightmaps.offset[number]) + width * height)
@@ -192,7 +194,7 @@ def test_texels_under_the_blocks_and_behind_the_lamp_are_buried(cornell: tuple[S
                 sides.append((position[:, 0] - a[0]) * z - (position[:, 2] - a[2]) * x)
             depth = np.maximum(depth, np.min(sides, axis=0))
     # Points within 0.1 mm of an outline (the diagonals of the tops have two) may be either.
-    assert (on("floor") & (depth > 0.1)).sum() > 700
+    assert (on("floor") & (depth > 0.1)).sum() > 600
     assert (state[on("floor") & (depth > 0.1)] == BURIED).all()
     assert (state[on("floor") & (depth < -0.1)] == VALID).all()
 

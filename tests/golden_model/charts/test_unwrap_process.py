@@ -220,10 +220,13 @@ def test_no_process_is_left_behind(tmp_path: Path, end_of_parent: str) -> None:
         )
     )
     caller = (
+        "import signal\n"
         "from pathlib import Path\n"
         "from lightloom.golden_model.charts.curved import mesh_charts\n"
         "from lightloom.golden_model.scene.shapes import icosphere\n"
         "from lightloom.golden_model.charts.unwrap_process import Unwrapper\n"
+        # Who runs the tests in the background has it ignored, which children inherit.
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         f"with Unwrapper(Path({str(child)!r})) as process:\n"
         "    mesh_charts(icosphere(3).astype('float32'), 0.1, unwrapper=process)\n"
     )

@@ -51,6 +51,7 @@ def runs(draw: st.DrawFn) -> tuple[Machine, list[FrameCounts]]:
         frames_in_flight=draw(st.integers(1, 8)),
         versions=draw(st.integers(1, 8)),
         overlap_shading=draw(st.integers(0, 1)),
+        early_selection=draw(st.integers(0, 1)),
         raster_share=draw(st.integers(1, 255)),
         other_share=draw(st.integers(1, 255)),
         shader_share=draw(st.integers(1, 255)),
@@ -123,10 +124,18 @@ def test_maintenance_gets_its_share_and_more_while_the_rasterizer_works() -> Non
 
 
 def test_maintenance_does_not_wait_for_visible_surfaces() -> None:
-    slow = Machine(raster_units=1, test_cycles=50, refresh_cycles=0)
+    """With early selection, [0052]: it looks at those of the frame before."""
+    slow = Machine(raster_units=1, test_cycles=50, refresh_cycles=0, early_selection=1)
     at = spans(schedule(slow, [FRAME] * 2))
     assert at[0, "lightmap update"][1] < at[0, "visible surfaces"][1]
     assert at[0, "lightmap rays"][0] >= at[0, "structure"][1]
+    assert at[1, "selection"][0] >= at[0, "visible surfaces"][1]
+
+
+def test_selection_looks_at_what_its_own_frame_shows() -> None:
+    slow = Machine(raster_units=1, test_cycles=50, refresh_cycles=0)
+    at = spans(schedule(slow, [FRAME] * 3))
+    assert all(at[k, "selection"][0] >= at[k, "visible surfaces"][1] for k in range(3))
 
 
 def test_shading_waits_for_its_version() -> None:

@@ -5,8 +5,10 @@ from typing import Any
 
 import pytest
 
+from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.maintenance.maintainer import Maintainer
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
+from lightloom.golden_model.rays.waves import run_together
 from lightloom.golden_model.renderer import FrameResult, Renderer
 from tests.golden_model.test_frame_loop import SIZE, room
 
@@ -52,3 +54,20 @@ def test_a_small_mirror_does_not_leave_the_budget_unspent(tmp_path: Path) -> Non
     _, results = frames(tmp_path, 1, True, 25 * 22)
     for result in results:
         assert 0.95 * 550 <= sum(result.maintenance.rays.values()) <= 550
+
+
+def test_rounds_from_the_first_texel_take_the_same_rays(tmp_path: Path) -> None:
+    """Before the first frame: what their light comes to can be compared, as it differs by what they read alone."""
+    scene = room(tmp_path, 5, specular=True)
+    renderer = Renderer(scene, budget=600, sampling=Sampling(directions=4, light_samples=2, priming=0), **SIZE)
+    maintainer, world = renderer.maintainer, renderer._world(renderer.scene, renderer.published)
+    found = []
+    for first in (0, 0, 7):
+        collector = renderer._collector(renderer.scene)
+        (done,) = run_together(collector, Stopwatch(), maintainer.prime(world, first, 600, collector, Stopwatch()))
+        found.append((done.texels.tolist(), renderer.state["irradiance"][done.texels].tolist()))
+    assert found[0] == found[1]
+    again = [texel for texel in found[2][0] if texel in found[0][0]]
+    assert again
+    light = [dict(zip(texels, map(tuple, values), strict=True)) for texels, values in found]
+    assert any(light[0][texel] != light[2][texel] for texel in again), "later rounds sample anew"

@@ -7,6 +7,7 @@ import pytest
 
 from lightloom.golden_model.contract.bitpack import equal, pack, unpack
 from lightloom.golden_model.contract.formats import HIDDEN, LIKELY, SEEN
+from lightloom.golden_model.maintenance.selection.texel_match import depth_tolerance
 from lightloom.golden_model.models import model_results
 from lightloom.verif.vectors.unit_vectors import unit_vectors
 from tests import exact_texels
@@ -49,8 +50,10 @@ def test_the_vectors_reach_every_outcome() -> None:
     """Otherwise agreement means little."""
     places = model_results("texel_project", unit_vectors("texel_project", 6000, SEED))
     assert 0.2 < places["visible"].mean() < 0.6
-    assert np.isnan(places["tolerance"]).sum() > 10
-    matches = model_results("texel_match", unit_vectors("texel_match", 6000, SEED))
+    assert (places["outside"] > 0).sum() > 100
+    operands = unit_vectors("texel_match", 6000, SEED)
+    assert np.isnan(depth_tolerance(operands)).sum() > 10
+    matches = model_results("texel_match", operands)
     assert min((matches["degree"] == degree).mean() for degree in (HIDDEN, LIKELY, SEEN)) > 0.05
     assert (np.bincount(matches["lod"], minlength=4) > 50).all()
     blends = model_results("texel_blend", unit_vectors("texel_blend", 6000, SEED))

@@ -8,7 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lightloom.golden_model.contract.formats import RELATIVE_MAX
-from lightloom.golden_model.maintenance.sampling.accumulate import light_of, luminance_sums, settled
+from lightloom.golden_model.maintenance.sampling.accumulate import (
+    at_rest,
+    brightness_of,
+    light_of,
+    luminance_sums,
+    settled,
+)
 from lightloom.golden_model.numerics.sample_spread import (
     luminance,
     relative_deviation,
@@ -145,3 +151,17 @@ def test_light_has_settled_when_what_is_missing_is_a_thousandth() -> None:
 
 def test_light_of_texels_is_their_luminance_in_fixed_point() -> None:
     assert light_of(np.array([[1, 2, 3], [0, 0, 4]], dtype=np.float32), 8) == 3 * 256
+
+
+def test_a_dark_corner_counts_for_being_at_rest_as_a_bright_one_does() -> None:
+    """A half octave in a few texels, or a sixty-fourth of one in each, whatever light there is beside them."""
+    bright = np.full((900, 3), 1000, dtype=np.float32)
+    dark = np.full((100, 3), 0.5, dtype=np.float32)
+    before, after = (brightness_of(np.concatenate([bright, each]), 12) for each in (dark, dark * 2))
+    assert after - before == 2 * 100
+    assert brightness_of(np.zeros((7, 3), dtype=np.float32), 12) == 0
+    assert not at_rest([before, after], 1000)
+    assert not at_rest([before], 1000)
+    assert at_rest([0, before, before + 15, before + 8], 1000)
+    assert not at_rest([0, before + 16, before, before], 1000), "once is chance"
+    assert not at_rest([before, before], 1000)

@@ -231,7 +231,9 @@ class Relit:
     strength: np.ndarray
     """Change of the radiant intensity to -x, +x, -y, +y, -z, +z, (6,) float64: area times radiance, W/sr."""
     part: float
-    """The change as a part of the whole, 0 to 1."""
+    """The change as a part of the whole, 0 to 1; motion counts over the frames that an average remembers."""
+    sudden: float
+    """The same of this frame alone; more than 0."""
 
 
 def relit_sources(
@@ -244,25 +246,27 @@ def relit_sources(
     out: list[Relit] = []
     if before is after:
         return out
-    motion = {item.object: remembered(item.motion) for item in moved}
+    motion = {item.object: item.motion for item in moved}
     shine = [grey(scene.emission) * scene.present[scene.material_object] for scene in (before, after)]
     for number in np.unique(after.material_object[(shine[0] > 0) | (shine[1] > 0)]):
         own = after.material_object == number
         brightest = np.maximum(shine[0], shine[1])
-        change = np.maximum(np.abs(shine[1] - shine[0]), motion.get(int(number), 0.0) * brightest)
+        far = motion.get(int(number), 0.0)
+        sudden, change = (np.maximum(np.abs(shine[1] - shine[0]), part * brightest) for part in (far, remembered(far)))
         if change[own].any():
             strength = np.maximum(*(sides(table, scene, int(number), change) for scene in (before, after)))
             box = bounds(table, before, int(number)).joined(bounds(table, after, int(number)))
-            part = float(change[own].max() / brightest[own].max())
-            out.append(Relit(object=int(number), box=box, strength=strength, part=part))
+            part, now = (float(each[own].max() / brightest[own].max()) for each in (change, sudden))
+            out.append(Relit(object=int(number), box=box, strength=strength, part=part, sudden=now))
     for number in range(max(len(before.point_lights), len(after.point_lights))):
         lights = [scene.point_lights[number] for scene in (before, after) if number < len(scene.point_lights)]
         places = [light["position"].astype(np.float64) for light in lights]
         bright = [float(grey(light["intensity"])) for light in lights]
         apart = float(np.abs(places[0] - places[-1]).max()) / table.extent
         difference = abs(bright[0] - bright[-1]) if len(bright) == 2 else bright[0]
-        strong = max(difference, remembered(apart) * max(bright))
+        now, strong = (max(difference, part * max(bright)) for part in (min(apart, 1.0), remembered(apart)))
         if strong > 0:
             box = Box(low=np.minimum(places[0], places[-1]), high=np.maximum(places[0], places[-1]))
-            out.append(Relit(object=-1, box=box, strength=np.full(6, strong), part=strong / max(bright)))
+            part, sudden = strong / max(bright), now / max(bright)
+            out.append(Relit(object=-1, box=box, strength=np.full(6, strong), part=part, sudden=sudden))
     return out

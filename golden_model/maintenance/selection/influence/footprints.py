@@ -9,7 +9,9 @@ from lightloom.golden_model.contract.formats import INFLUENCE, RAY
 from lightloom.golden_model.maintenance.selection.influence.changes import Table, moved_objects
 from lightloom.golden_model.maintenance.selection.influence.volumes import (
     FOOTPRINT,
+    LOOSE,
     level_of,
+    octaves_of,
     reflecting_reach,
     remembered,
 )
@@ -36,7 +38,7 @@ def footprints(
     higher number send none.
     """
     most = min(rays, policy.footprint_rays)
-    start, reach, level, number = _faces(table, before, after, policy, most)
+    start, reach, level, octaves, number = _faces(table, before, after, policy, most)
     if not len(start):
         return np.zeros(0, dtype=INFLUENCE), 0
     hits = trace(start)
@@ -50,14 +52,14 @@ def footprints(
     # Half the distance is four times the effect, as with volumes.
     nearer = [distance[met] <= flush(reach[met] * np.float32(part)) for part in (0.5, 0.25)]
     out["level"] = np.minimum(1 + nearer[0] + nearer[1], level[met])
+    out["octaves"] = octaves[met]
     return out, len(start)
 
 
-def _faces(
-    table: Table, before: Scene, after: Scene, policy: Policy, most: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """RAY (R,), how far each matters (R,) float32, its highest level (R,), its object (R,); R at most `most`."""
-    rays, reaches, levels, numbers = np.zeros(0, dtype=RAY), np.zeros(0, np.float32), np.zeros(0, int), np.zeros(0, int)
+def _faces(table: Table, before: Scene, after: Scene, policy: Policy, most: int) -> tuple[np.ndarray, ...]:
+    """RAY (R,), how far each matters (R,) float32; its highest level, octaves and object, (R,); R at most `most`."""
+    rays, reaches = np.zeros(0, dtype=RAY), np.zeros(0, np.float32)
+    levels, octaves, numbers = np.zeros((3, 0), dtype=int)
     for item in moved_objects(table, before, after):
         scene = after if after.present[item.object] else before
         sides = np.flatnonzero(table.faces[item.object] >= 0)
@@ -75,10 +77,11 @@ def _faces(
             own["direction"][:, k] = add(add(normal, scale(along, np.float32(u))), scale(across, np.float32(v)))
         rays = np.concatenate([rays, own.reshape(-1)])
         reaches = np.concatenate([reaches, np.repeat(reach, len(TILTS))])
-        level = level_of(remembered(item.motion, policy), policy)
-        levels = np.concatenate([levels, np.full(own.size, level)])
+        part = remembered(item.motion, policy)
+        levels = np.concatenate([levels, np.full(own.size, level_of(part, policy))])
+        octaves = np.concatenate([octaves, np.full(own.size, octaves_of(part, item.motion, LOOSE))])
         numbers = np.concatenate([numbers, np.full(own.size, item.object)])
-    return rays[:most], reaches[:most], levels[:most], numbers[:most]
+    return rays[:most], reaches[:most], levels[:most], octaves[:most], numbers[:most]
 
 
 def _toward(normal: np.ndarray, reach: np.ndarray) -> np.ndarray:

@@ -7,15 +7,19 @@ float32, multiplications and comparisons.
 import numpy as np
 
 from lightloom.golden_model.maintenance.selection.influence.changes import Table, bounds
-from lightloom.golden_model.maintenance.selection.influence.volumes import FOOTPRINT, SHADOW
+from lightloom.golden_model.maintenance.selection.influence.volumes import FOOTPRINT, LEVELS, MOST_OCTAVES, SHADOW
 from lightloom.golden_model.maintenance.selection.policy import Policy
-from lightloom.golden_model.numerics.floats import flush, quiet
+from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.vectors import dot
 from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.scene import Scene
 
 _PARTS = (np.float32(1), np.float32(0.5), np.float32(0.25))
 """Of the reach, for levels 1, 2, 3: half the distance is four times the effect."""
+
+
+WHOLE = MOST_OCTAVES + 2 * (LEVELS - 1) + 1
+"""Of `texel_changes`."""
 
 
 def loose_bounds(table: Table, scene: Scene, policy: Policy) -> np.ndarray:
@@ -35,8 +39,10 @@ def touched(records: np.ndarray, boxes: np.ndarray) -> np.ndarray:
     low, high = (np.broadcast_to(boxes[None, :, k], (len(records), *boxes[:, k].shape)) for k in (0, 1))
     # A shadow falls from the light onto the map, so what is compared is the box around both.
     shadow = (records["kind"] == SHADOW)[:, None, None]
-    low = np.where(shadow, np.minimum(low, flush(records["light"] - records["light_half"])[:, None]), low)
-    high = np.where(shadow, np.maximum(high, flush(records["light"] + records["light_half"])[:, None]), high)
+    light_low = flush(records["light"] - records["light_half"])[:, None]
+    light_high = flush(records["light"] + records["light_half"])[:, None]
+    low = np.where(shadow, float_minmax(low, light_low), low)
+    high = np.where(shadow, float_minmax(high, light_high, True), high)
     outer_low = flush(records["low"] - records["reach_low"])[:, None]
     outer_high = flush(records["high"] + records["reach_high"])[:, None]
     surface = records["surface"][:, None]
@@ -44,16 +50,25 @@ def touched(records: np.ndarray, boxes: np.ndarray) -> np.ndarray:
     return meets & here & ((surface < 0) | (surface == np.arange(len(boxes))))
 
 
-def texel_levels(records: np.ndarray, boxes: np.ndarray, lightmaps: Lightmaps, valid: np.ndarray) -> np.ndarray:
-    """Change levels 0 to 3 of texels, (N,) uint8: the highest of all INFLUENCE (K,) that reach their map and them.
+def texel_changes(
+    records: np.ndarray, boxes: np.ndarray, lightmaps: Lightmaps, valid: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Change levels 0 to 3 of texels, and how much change is expected, 0 to WHOLE: (N,) uint8 each.
+
+    The highest of all INFLUENCE (K,) that reach their map and them. 0: none is expected, e: light changes by its
+    2**(WHOLE - e)-th part in this frame, WHOLE: nothing that is known of it is worth anything.
 
     `boxes` (O, 2, 3) are the loose bounds of the maps, `valid` (N,) bool the texels that count.
     """
-    out = np.zeros(len(valid), dtype=np.uint8)
+    levels, expected = np.zeros((2, len(valid)), dtype=np.uint8)
     for record, maps in zip(records, touched(records, boxes), strict=True):
         chosen = np.flatnonzero(valid & maps[lightmaps.texels["object"]])
-        out[chosen] = np.maximum(out[chosen], _reached(record, lightmaps.texels[chosen]))
-    return out
+        level = _reached(record, lightmaps.texels[chosen])
+        # A level is four times the effect of the one below.
+        change = np.where(level > 0, WHOLE - 2 * (LEVELS - level.astype(np.int64)) - int(record["octaves"]), 0)
+        levels[chosen] = np.maximum(levels[chosen], level)
+        expected[chosen] = np.maximum(expected[chosen], change)
+    return levels, expected
 
 
 @quiet

@@ -35,6 +35,13 @@ VOLUME, SHADOW, FOOTPRINT = range(3)
 LEVELS = 3
 """Change levels: an effect of `influence_least`, of 4 and of 16 times that."""
 
+LOOSE = 3
+"""Octaves by which bounds of what an object reflects, hides or shadows are larger than what it is seen to change …"""
+TIGHT = -1
+"""… and bounds of what a light brings, at the highest level, which has no upper bound."""
+MOST_OCTAVES = 6
+"""The least change that is expected, in octaves below the whole: of LOOSE bounds, and of motion that adds up slowly."""
+
 JOINED_LEVEL = 1
 """The change level of what stands for several changes."""
 
@@ -73,6 +80,16 @@ def remembered(motion: float, policy: Policy) -> float:
 def level_of(part: float, policy: Policy) -> int:
     """The highest level that something can cause that changed by a part of itself, 0 to 1."""
     return 1 + (part >= 4 * policy.influence_least) + (part >= 16 * policy.influence_least)
+
+
+def octaves_of(part: float, sudden: float, bounds: int) -> int:
+    """How many times light is expected to change by less in this frame than its bound says, as a power of two: 0 to 6.
+
+    `part` of it changes over the frames that an average remembers and `sudden` of it in this one, so `part / sudden` is
+    1 to `influence_memory`; of the bound itself `bounds` octaves are to be believed less.
+    """
+    frames = int(np.floor(np.log2(part / sudden))) if part > sudden else 0
+    return int(np.clip(frames + bounds, 0, MOST_OCTAVES))
 
 
 def usual_light(table: Table, *frames: list[Source]) -> float:
@@ -124,8 +141,9 @@ def _reflecting(table: Table, before: Scene, after: Scene, item: Moved, policy: 
         shift = (item.after.low + item.after.high - item.before.low - item.before.high) / 2
         reach[0::2] += np.maximum(-shift, 0) * policy.influence_ahead
         reach[1::2] += np.maximum(shift, 0) * policy.influence_ahead
-    out = _volume(item.object, item.swept, level_of(remembered(item.motion, policy), policy), reach)
-    out["facing"] = True
+    part = remembered(item.motion, policy)
+    out = _volume(item.object, item.swept, level_of(part, policy), reach)
+    out["facing"], out["octaves"] = True, octaves_of(part, item.motion, LOOSE)
     return out
 
 
@@ -135,7 +153,9 @@ def _lit(light: Relit, usual: float, policy: Policy) -> np.ndarray:
     Light goes round corners once it is reflected, so no side's reach is less than half of the farthest.
     """
     reach = np.sqrt(light.strength / (usual * policy.influence_least))
-    return _volume(light.object, light.box, level_of(light.part, policy), np.maximum(reach, reach.max() / 2))
+    out = _volume(light.object, light.box, level_of(light.part, policy), np.maximum(reach, reach.max() / 2))
+    out["octaves"] = octaves_of(light.part, light.sudden, TIGHT)
+    return out
 
 
 def _shadow(item: Moved, light: Source, policy: Policy) -> np.ndarray:
@@ -144,8 +164,10 @@ def _shadow(item: Moved, light: Source, policy: Policy) -> np.ndarray:
     Direct light matters more than what is reflected: one level more.
     """
     box, half = item.swept, (light.box.high - light.box.low) / 2
-    level = min(level_of(remembered(item.motion, policy), policy) + 1, LEVELS)
+    part = remembered(item.motion, policy)
+    level = min(level_of(part, policy) + 1, LEVELS)
     out = _record(SHADOW, item.object, Box(low=box.low - half, high=box.high + half), level)
+    out["octaves"] = octaves_of(part, item.motion, LOOSE)
     out["light"], out["light_half"] = (light.box.low + light.box.high) / 2, half
     return out
 
@@ -169,7 +191,7 @@ def joined(records: list[np.ndarray], most: int) -> list[np.ndarray]:
         low = np.minimum(last["light"] - last["light_half"], other["light"] - other["light_half"])
         high = np.maximum(last["light"] + last["light_half"], other["light"] + other["light_half"])
         last["light"], last["light_half"] = (low + high) / 2, (high - low) / 2
-    last["level"] = JOINED_LEVEL
+    last["level"], last["octaves"] = JOINED_LEVEL, MOST_OCTAVES
     if last["kind"] == SHADOW:
         last["low"] -= last["light_half"]
         last["high"] += last["light_half"]

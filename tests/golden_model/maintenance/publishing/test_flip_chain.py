@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lightloom.golden_model.contract.formats import ONE_SAMPLE
 from lightloom.golden_model.maintenance.publishing.flip_chain import FlipChain
 from lightloom.golden_model.maintenance.publishing.publisher import Difference, Publisher
 from tests.golden_model.maintenance.publishing.test_publisher import maps_of, ragged_maps, state_of, valid_texels
@@ -19,7 +20,7 @@ class Maintained:
         self.valid = valid_texels(self.maps)
         self.updates = updates
         self.state = state_of(np.ones((len(self.maps.texels), 3)), 0)
-        self.state["count"][self.valid] = 1
+        self.state["count"][self.valid] = ONE_SAMPLE
         self.publisher = Publisher(self.maps)
         self.published = self.publisher.everything(self.state)
 

@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lightloom.golden_model.charts.buried import nearest_valid
-from lightloom.golden_model.contract.formats import TEXEL, TEXEL_STATE
-from lightloom.golden_model.maintenance.publishing.publisher import Publisher, apply, publish, pull_push
+from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL, TEXEL_STATE
+from lightloom.golden_model.maintenance.publishing.publisher import Publisher, apply, publish
 from lightloom.golden_model.scene.lightmap import BURIED, EMPTY, VALID, Lightmaps
 
 
@@ -30,7 +30,7 @@ def maps_of(sizes: list[tuple[int, int]]) -> Lightmaps:
 
 def state_of(values: np.ndarray, count: np.ndarray | int = 1) -> np.ndarray:
     state = np.zeros(len(values), dtype=TEXEL_STATE)
-    state["irradiance"], state["count"] = values, count
+    state["irradiance"], state["count"] = values, np.asarray(count) * ONE_SAMPLE
     return state
 
 
@@ -71,18 +71,6 @@ def test_unsampled_texels_lie_between_their_neighbours_with_weight_zero() -> Non
     assert not out[63:].any()
 
 
-def test_pull_push_keeps_what_is_known_and_a_constant() -> None:
-    rng = np.random.default_rng(2)
-    for height, width in ((1, 1), (1, 9), (16, 16), (13, 21)):
-        known = rng.random((height, width)) < 0.1
-        known[height // 2, width // 2] = True
-        values = np.where(known[..., None], np.float32(5), np.float32(-99))
-        assert (pull_push(values, known) == 5).all()
-        values = rng.normal(size=(height, width, 2)).astype(np.float32)
-        assert (pull_push(values, known)[known] == values[known]).all()
-    assert not pull_push(values, np.zeros_like(known)).any()
-
-
 def ragged_maps(seed: int, sizes: list[tuple[int, int]]) -> Lightmaps:
     """Maps with holes: a third of the texels in patches is empty or buried, each shows the nearest valid one."""
     rng = np.random.default_rng(seed)
@@ -112,7 +100,7 @@ def test_differences_give_the_bits_of_publishing_everything(seed: int, forget: b
         # The last frames of some runs update everything, so that both the first frames and the steady state are met.
         updated = rng.permutation(valid)[: rng.integers(0, len(valid))] if frame < 5 else valid
         state["irradiance"][updated] = rng.uniform(0, 9, (len(updated), 3))
-        state["count"][updated] = 1
+        state["count"][updated] = ONE_SAMPLE
         dropped = rng.choice(valid, 3) if forget else valid[:0]
         state["count"][dropped] = 0
         difference = publisher.difference(published, state, np.concatenate([updated, dropped]))
@@ -166,12 +154,12 @@ def test_the_steady_state_is_local_and_the_first_frames_are_not() -> None:
     state = state_of(np.ones((4096, 3)), 0)
     publisher = Publisher(maps)
     published = publisher.everything(state)
-    state["count"][:4000] = 1  # all but the end of the last row of regions
+    state["count"][:4000] = ONE_SAMPLE  # all but the end of the last row of regions
     apply(publisher.difference(published, state, np.arange(4000)), published)
     state["irradiance"][5] = 3
     # Region 0 is touched; what the unsampled texels show depends on every sample.
     assert publisher.difference(published, state, np.array([5])).region.tolist() == [0, *range(56, 64)]
-    state["count"] = 1
+    state["count"] = ONE_SAMPLE
     apply(publisher.difference(published, state, np.arange(4000, 4096)), published)
     state["irradiance"][5] = 4
     assert publisher.difference(published, state, np.array([5])).region.tolist() == [0]

@@ -1,15 +1,16 @@
 """Smoothing of what is read of the maps: against a scalar twin, and for what it promises."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from lightloom.golden_model.contract.formats import TEXEL_STATE
+from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL_STATE
 from lightloom.golden_model.maintenance.publishing.publisher import Publisher, apply
-from lightloom.golden_model.maintenance.publishing.smoothing import REACH, Smoother, logarithm
-from lightloom.golden_model.scene.lightmap import BURIED, VALID, Lightmaps
-from tests.exact import encode
+from lightloom.golden_model.maintenance.publishing.smoothing import REACH, Smoother
+from lightloom.golden_model.scene.lightmap import BURIED, DOWN, RIGHT, VALID, Lightmaps, joined
+from tests.exact import encode, float_divide
 from tests.golden_model.maintenance.publishing.test_publisher import maps_of, ragged_maps
 
 SIZES = [(19, 13), (1, 1), (8, 8), (3, 40)]
@@ -23,7 +24,8 @@ def known(maps: Lightmaps, seed: int, holes: float = 0.2) -> tuple[np.ndarray, n
     maps.texels["normal"] = (0, 0, 1)
     maps.texels["normal"][rng.random(count) < 0.1] = (0.6, 0, 0.8)
     state = np.zeros(count, dtype=TEXEL_STATE)
-    state["count"] = rng.choice([1, 2, 3, 4, 5, 8, 17, 64, 255], count) * (rng.random(count) >= holes)
+    counts = [1, 15, 16, 32, 40, 48, 64, 80, 128, 272, 1024, 4095]
+    state["count"] = rng.choice(counts, count) * (rng.random(count) >= holes)
     state["spread"], state["deviation"] = rng.integers(0, 600, count), rng.integers(0, 300, count)
     value = rng.choice([1e-6, 0.1, 1.0, 1.1, 50.0, 60000.0], (count, 1)) * rng.uniform(0.9, 1.1, (count, 3))
     return state, np.minimum(value, 65504).astype(np.float16).astype(np.float32)
@@ -41,7 +43,6 @@ class Twin:
     def __init__(self, maps: Lightmaps, state: np.ndarray, value: np.ndarray):
         self.maps, self.state = maps, state
         self.light = [[int(Fraction(float(v)) * 2**24) for v in texel] for texel in value]
-        self.noise = [self.noise_of(p) for p in range(len(value))]
 
     def bright(self, light: list[list[int]], p: int) -> int:
         r, g, b = light[p]
@@ -50,15 +51,16 @@ class Twin:
     def noise_of(self, p: int) -> int:
         n, dev = int(self.state["count"][p]), int(self.state["deviation"][p]) * 5 // 4
         spread = int(self.state["spread"][p]) * 5 // 8
-        relative = 128 if n == 0 else spread if n == 1 else max(dev, spread) if n < 5 else dev
+        relative = 128 if n == 0 else spread if n < 32 else max(dev, spread) if n < 80 else dev
         own = half_octaves(self.bright(self.light, p))
-        return half_octaves(relative) - 16 + own - half_octaves(min(n, 63)) // 2
+        return half_octaves(relative) - 16 + own - ((half_octaves(min(n, 63 * 16)) - 8) // 2 if n else 0)
 
     def mass(self, p: int) -> int:
         n = int(self.state["count"][p])
-        return min(n, 16).bit_length() - 1 if n else -2
+        return min(n, 16 * 16).bit_length() - 5 if n else -2
 
-    def beside(self, p: int, dy: int, dx: int) -> int | None:
+    def straight(self, p: int, dy: int, dx: int) -> int | None:
+        """The texel beside it in its row or column, if it is joined to that one."""
         maps = self.maps
         o = int(maps.texels["object"][p])
         row, column = divmod(p - int(maps.offset[o]), int(maps.width[o]))
@@ -66,8 +68,20 @@ class Twin:
             return None
         q = p + dy * int(maps.width[o]) + dx
         valid = (maps.texels["state"][[p, q]] == VALID).all() and maps.chart[p] == maps.chart[q]
-        alike = float(np.dot(maps.texels["normal"][p].astype(float), maps.texels["normal"][q].astype(float))) > 0.95
-        return q if valid and alike else None
+        linked = maps.links is None or bool(maps.links[min(p, q)] & (2 if dy else 1))
+        return q if valid and linked else None
+
+    def beside(self, p: int, dy: int, dx: int) -> int | None:
+        q = None
+        for way in ([(dy, 0), (0, dx)], [(0, dx), (dy, 0)]) if dy and dx else [[(dy, dx)]]:
+            end: int | None = p
+            for step in way:
+                end = None if end is None else self.straight(end, *step)
+            q = end if q is None else q
+        if q is None:
+            return None
+        normal = self.maps.texels["normal"].astype(float)
+        return q if float(np.dot(normal[p], normal[q])) > 0.95 else None
 
     def around(self, p: int, step: int) -> list[tuple[int, int]]:
         """Neighbours and their sixteenths; those two away by way of the one between."""
@@ -96,7 +110,22 @@ class Twin:
             taken.append((15 * sum_of + 2**14) // 2**15)
         return out, taken
 
+    def refreshed(self, p: int) -> list[int]:
+        """The light of a texel, or the mean of what is fresh one away, or two away, if it is worth too little."""
+        count = int(self.state["count"][p])
+        for step in (1, 2) if count < 4 else ():
+            fresh = [(q, share) for q, share in self.around(p, step) if q != p and self.state["count"][q] >= 16]
+            if fresh:
+                weights = [(p, 4 * count)] + [(q, 16 * share * 2 ** min(self.mass(q), 2)) for q, share in fresh]
+                whole = encode(Fraction(sum(weight for _, weight in weights)))
+                total = [sum(weight * self.light[q][c] for q, weight in weights) for c in range(3)]
+                mean = [float_divide(encode(Fraction(each, 2**24)), whole) for each in total]
+                return [int(Fraction(float(np.float16(np.uint32(m).view(np.float32)))) * 2**24) for m in mean]
+        return self.light[p]
+
     def smoothed(self) -> list[list[int]]:
+        self.light = [self.refreshed(p) for p in range(len(self.light))]
+        self.noise = [self.noise_of(p) for p in range(len(self.light))]
         every = range(len(self.light))
         bright = [self.bright(self.light, p) for p in every]
         level, spread = [self.mean(bright, p) for p in every], [self.mean(self.noise, p) for p in every]
@@ -114,20 +143,15 @@ def rounded(total: int) -> int:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_it_is_what_a_scalar_twin_computes(seed: int) -> None:
     maps = ragged_maps(seed, SIZES)
+    if seed > 1:  # walls anywhere
+        some = np.random.default_rng(seed).random((2, len(maps.texels))) < 0.8
+        right, down = (a & b for a, b in zip(joined(maps), some, strict=True))
+        maps = replace(maps, links=(right * RIGHT + down * DOWN).astype(np.uint8))
     state, value = known(maps, seed)
     found = Smoother(maps).smoothed(value, state, np.arange(len(state)))
     wanted = Twin(maps, state, value).smoothed()
     for p, (a, b) in enumerate(zip(found, wanted, strict=True)):
         assert [int(Fraction(float(v)) * 2**24) for v in a] == b, f"seed {seed}, texel {p}"
-
-
-def test_half_octaves_of_every_short_number() -> None:
-    numbers = np.arange(1, 5000)
-    assert logarithm(numbers).tolist() == [half_octaves(n) for n in range(1, 5000)]
-    for n in range(1, 5000):
-        top = n.bit_length() - 1
-        if half_octaves(n) != (n * n).bit_length() - 1:
-            assert 1.4140625 <= n / 2**top < 2**0.5, "one off between the square root of two and its eight bits"
 
 
 def test_a_part_is_as_the_whole() -> None:
@@ -141,7 +165,7 @@ def test_a_part_is_as_the_whole() -> None:
         assert (smoother.smoothed(value, state, np.array([p])) == whole[p]).all()
         far = np.flatnonzero(np.maximum(abs(row - p // 19), abs(column - p % 19)) > REACH)
         other, noisy = value.copy(), state.copy()
-        other[far], noisy["count"][far] = 7, 9
+        other[far], noisy["count"][far] = 7, 150
         assert (smoother.smoothed(other, noisy, np.array([p])) == whole[p]).all()
 
 
@@ -150,7 +174,7 @@ def flat(side: int, seed: int, relative: float) -> tuple[Lightmaps, np.ndarray, 
     maps = maps_of([(side, side)])
     maps.texels["normal"] = (0, 0, 1)
     state = np.zeros(side * side, dtype=TEXEL_STATE)
-    state["count"], state["spread"] = 1, round(relative * 256)
+    state["count"], state["spread"] = 16, round(relative * 256)
     value = np.random.default_rng(seed).gamma(relative**-2, relative**2, (side * side, 1)).repeat(3, axis=1)
     return maps, state, value.astype(np.float16).astype(np.float32)
 
@@ -167,10 +191,23 @@ def test_little_light_is_lost_where_some_are_known_better() -> None:
     """What is known better moves less: then the light of outliers that are known badly gives way, a little."""
     maps, state, value = flat(96, 6, 0.5)
     for counts, lost in (((1, 2, 3, 5, 8, 12, 20), 2e-3), ((1, 255), 1e-2)):
-        state["count"] = np.random.default_rng(1).choice(counts, len(state))
+        state["count"] = np.random.default_rng(1).choice(counts, len(state)) * 16
         state["deviation"] = 102
         found = Smoother(maps).smoothed(value, state, np.arange(len(state)))
         assert found.astype(np.float64).mean() == pytest.approx(value.astype(np.float64).mean(), rel=lost), counts
+
+
+def test_what_is_stale_shows_what_fresh_texels_beside_it_show() -> None:
+    """A dark map of which one texel in nine has found the light; one of which none has stays as it was."""
+    maps, state, value = flat(32, 12, 0.01)
+    row, column = np.divmod(np.arange(32 * 32), 32)
+    fresh = (row % 3 == 1) & (column % 3 == 1)
+    state["count"] = np.where(fresh, ONE_SAMPLE, 1)
+    value = np.where(fresh, 1, 1 / 64)[:, None].repeat(3, axis=1).astype(np.float32)
+    found = Smoother(maps).smoothed(value, state, np.arange(len(state)))
+    assert found.min() > 0.8, "what it showed counts by what it is worth: a sixteenth of a sample, in the middle"
+    state["count"] = 1
+    assert (Smoother(maps).smoothed(np.full_like(value, 0.5), state, np.arange(len(state))) == 0.5).all()
 
 
 def test_nothing_goes_over_a_wall_that_stands_on_a_floor() -> None:
@@ -200,22 +237,28 @@ def test_noise_goes_and_edges_stay() -> None:
 def test_well_known_texels_are_left_alone() -> None:
     """A fine pattern that the averages are sure of stays; and equal light stays as it is, whatever is known of it."""
     maps, state, value = flat(16, 8, 0.3)
-    state["count"], state["deviation"] = 255, 4
+    state["count"], state["deviation"] = 4095, 4
     assert np.abs(Smoother(maps).smoothed(value, state, np.arange(256)) / value - 1).mean() < 0.01
     state, _ = known(maps, 9)
     level = np.full_like(value, np.float32(np.float16(0.3)))
     assert (Smoother(maps).smoothed(level, state, np.arange(256)) == level).all()
 
 
-def test_nothing_crosses_charts_or_creases() -> None:
+def test_nothing_crosses_charts_walls_or_creases() -> None:
     maps, state, value = flat(16, 10, 0.5)
     left = np.arange(256) % 16 < 8
     other = value.copy()
     other[~left] = 30
-    for change in ("chart", "normal"):
+    for change in ("chart", "link", "normal"):
         if change == "chart":
             maps.chart[:] = left
+        elif change == "link":
+            maps.chart[:] = 0
+            right, down = joined(maps)
+            right[np.arange(256) % 16 == 7] = False
+            maps = replace(maps, links=(right * RIGHT + down * DOWN).astype(np.uint8))
         else:
+            maps = replace(maps, links=None)
             maps.chart[:] = 0
             maps.texels["normal"][left] = (0, 1, 0)
         one, two = (Smoother(maps).smoothed(v, state, np.flatnonzero(left)) for v in (value, other))
@@ -233,7 +276,7 @@ def test_a_region_shows_what_was_so_when_one_of_its_texels_changed(seed: int) ->
     for step in range(12):
         texel = rng.choice(len(state), 5, replace=False)
         state["irradiance"][texel] *= rng.uniform(0.5, 1.5, (5, 1)).astype(np.float32)
-        state["count"][texel] = rng.integers(0 if step > 6 else 1, 20, 5)
+        state["count"][texel] = rng.integers(0 if step > 6 else 1, 320, 5)
         difference = publisher.difference(shown, state, texel)
         apply(difference, shown)
         assert set(publisher.regions.of_texel[texel]) <= set(difference.region)

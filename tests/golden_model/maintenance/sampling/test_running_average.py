@@ -39,16 +39,16 @@ def test_blend_rounds_each_operation_once() -> None:
     operands["irradiance"] = rng.uniform(0, 50, (1500, 3))
     operands["total"] = rng.integers(0, 50 << 30, (1500, 3))
     operands["fraction"] = rng.integers(25, 32, 1500)
-    operands["count"] = rng.choice([0, 1, 2, 3, 5, 8, 9, 10, 11, 40, 254, 255], 1500)
+    operands["count"] = rng.choice([0, 1, 15, 16, 32, 40, 48, 80, 128, 144, 160, 176, 640, 4064, 4080, 4095], 1500)
     operands["heavy"] = rng.choice([0, 0, 1, 7], 1500)
     operands["alpha_min"] = rng.choice(np.array([0.1, 0.01, 0.5, 1.0, 0.0], dtype=np.float32), 1500)
     operands["alpha_heavy"] = rng.choice(np.array([0.05, 0.5, 1.0], dtype=np.float32), 1500)
     result = texel_blend(operands)
     for operand, out in zip(operands, result, strict=True):
         n = int(operand["count"])
-        assert out["count"] == min(n + 1, 255)
+        assert out["count"] == min(n + 16, 4095)
         assert out["heavy"] == max(int(operand["heavy"]) - 1, 0)
-        alpha = max(rounded(Fraction(1, n + 1)), operand["alpha_min"])
+        alpha = max(rounded(Fraction(16, n + 16)), operand["alpha_min"])
         if operand["heavy"]:
             alpha = max(alpha, operand["alpha_heavy"])
         for old, total, new in zip(operand["irradiance"], operand["total"], out["irradiance"], strict=True):
@@ -71,8 +71,8 @@ def test_weight_is_the_mean_first_and_then_the_floor() -> None:
     before = state["irradiance"].copy()
     blend_texels(state, texel, sums_of(before + np.float32(1)), FRACTION, Blending(), 70000)
     assert state["irradiance"] == pytest.approx(before + 0.1, rel=1e-6)
-    assert state["count"][0] == 11
-    assert state["frame"][0] == 70000 % 65536
+    assert state["count"][0] == 11 * 16
+    assert state["frame"][0] == 70000 % 4096
 
 
 def test_a_step_is_followed_within_22_updates_and_within_6_when_heavy() -> None:
@@ -123,22 +123,22 @@ def test_light_that_goes_off_and_on_comes_back(alpha: float, reflected: float, r
     assert short > (0.01 if alpha < 0.1 or reflected else 0.003), short
 
 
-def test_updates_are_numbered_modulo_4096_and_counted_up_to_255() -> None:
+def test_updates_are_numbered_modulo_4096_and_counted_up_to_255_and_15_sixteenths() -> None:
     """So the runs of directions go on for ever; with the count as the number they would stop at one of them."""
     state, texel = np.zeros(1, dtype=TEXEL_STATE), np.zeros(1, dtype=np.int64)
-    state["number"], state["count"] = 4090, 250
+    state["number"], state["count"] = 4090, 250 * 16
     numbers, counts = [], []
     for _ in range(10):
         numbers.append(int(state["number"][0]))
         counts.append(int(state["count"][0]))
         blend_texels(state, texel, sums_of(np.ones((1, 3), dtype=np.float32)), FRACTION, Blending(), 0)
     assert numbers == [4090, 4091, 4092, 4093, 4094, 4095, 0, 1, 2, 3]
-    assert counts == [250, 251, 252, 253, 254, 255, 255, 255, 255, 255]
+    assert counts == [4000, 4016, 4032, 4048, 4064, 4080, 4095, 4095, 4095, 4095]
     drop(state, texel)
     assert (state["count"], state["number"]) == (0, 4)
     blend_texels(state, texel, sums_of(np.full((1, 3), 9, dtype=np.float32)), FRACTION, Blending(), 0)
     assert state["irradiance"].tolist() == [[9, 9, 9]]
-    assert (state["count"], state["number"]) == (1, 5)
+    assert (state["count"], state["number"]) == (16, 5)
 
 
 def test_a_change_is_noticed_and_noise_is_not() -> None:
@@ -200,7 +200,7 @@ def test_dropped_texels_take_the_sample_whatever_they_held() -> None:
 def test_only_the_chosen_texels_change() -> None:
     state = np.zeros(5, dtype=TEXEL_STATE)
     blend_texels(state, np.array([3, 1]), sums_of(np.ones((2, 3), dtype=np.float32)), FRACTION, Blending(), 4)
-    assert state["count"].tolist() == [0, 1, 0, 1, 0]
+    assert state["count"].tolist() == [0, 16, 0, 16, 0]
     assert state["frame"].tolist() == [0, 4, 0, 4, 0]
 
 

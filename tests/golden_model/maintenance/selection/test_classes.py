@@ -70,6 +70,7 @@ def test_class_table_adds_points_and_stays_in_range() -> None:
         hidden_change_points=(0, 3, 5, 6),
         variability_points=(0, 1, 2, 3),
         need_points=(0, 1, 2, 4),
+        hidden_need_points=(0, 0, 1, 3),
         lod_points=(0, -2, -4, -6),
     )
     table = class_table(policy)
@@ -77,12 +78,14 @@ def test_class_table_adds_points_and_stays_in_range() -> None:
     assert table[0, 0, 0, 0].tolist() == [0, 1, 6, 7]
     assert table[0, 0, 0, 3].tolist() == [6, 7, 10, 11]  # hidden texels gain more from a change
     assert table[2, 0, 1, 0].tolist() == [0, 0, 3, 4]
+    assert table[0, :, 0, 0, 1].tolist() == [1, 1, 2, 4]
+    assert table[0, :, 0, 0, 2].tolist() == [6, 7, 8, 10]
     assert table[0, 3, 3, 3, 3] == 15
     assert table[3, 0, 0, 0, 0] == 0
 
 
 def test_needs_by_count_and_age() -> None:
     state = np.zeros(5, dtype=TEXEL_STATE)
-    state["count"] = 0, 3, 200, 200, 200
-    state["frame"] = 10, 10, 10, 65530, 65500
-    assert needs(state, 65546, Policy(few=8, old=20)).tolist() == [NEVER, FEW, IN_ORDER, IN_ORDER, OLD]
+    state["count"] = 0, 8 * 16 - 1, 8 * 16, 3200, 3200
+    state["frame"] = 10, 10, 10, 4090, 4060
+    assert needs(state, 4106, Policy(few=8, old=20)).tolist() == [NEVER, FEW, IN_ORDER, IN_ORDER, OLD]

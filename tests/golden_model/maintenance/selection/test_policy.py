@@ -48,12 +48,13 @@ def test_what_does_not_go_together_is_refused(wrong: dict[str, Any], message: st
         Policy(**wrong)
 
 
-def test_each_named_policy_has_all_of_the_one_before() -> None:
+def test_each_named_policy_adds_to_visibility() -> None:
     robin, visible, variable, all_of_it = (policy_of(name) for name in POLICIES)
     assert (robin.visibility, robin.probe, robin.sweep) == (False, 256, 0)
     assert visible.visibility
     assert (visible.variability_bits, visible.notice, visible.influence) == (0, False, "off")
     assert (variable.variability_bits, variable.notice, variable.influence) == (2, False, "off")
     assert all_of_it == Policy()
+    assert (all_of_it.variability_bits, all_of_it.notice, all_of_it.influence) == (0, True, "volumes")
     with pytest.raises(InputError, match="--policy best: unknown; choose one of round-robin, visibility"):
         policy_of("best")

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lightloom.golden_model.contract.formats import LIKELY, RAY, SEEN
+from lightloom.golden_model.maintenance.publishing.regions import regions_of
 from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
 from lightloom.golden_model.maintenance.selection.selector import FrameContext, Plan, Selector, coarse_to_fine
 from lightloom.golden_model.maintenance.selection.visibility import Sight
@@ -49,8 +50,8 @@ def random_state(stage: Stage, rng: np.random.Generator) -> np.ndarray:
     """Anything that a state may be."""
     state = stage.state()
     count = len(state)
-    state["count"] = rng.integers(0, 256, count) * (rng.random(count) < 0.7)
-    state["frame"] = rng.integers(0, 65536, count)
+    state["count"] = rng.integers(0, 4096, count) * (rng.random(count) < 0.7)
+    state["frame"] = rng.integers(0, 4096, count)
     state["heavy"] = rng.integers(0, 8, count) * (rng.random(count) < 0.1)
     state["noticed"] = rng.random(count) < 0.05
     state["deviation"], state["spread"] = rng.integers(0, 200, (2, count))
@@ -69,6 +70,23 @@ def test_order_holds_every_valid_texel_once_coarse_first() -> None:
         rows, columns = np.divmod(whole[: 256 // lattice**2], 16)
         assert (rows % lattice == 0).all()
         assert (columns % lattice == 0).all()
+
+
+@pytest.mark.parametrize("together", [2, 4, 16, 64])
+def test_texels_of_a_region_follow_each_other_spread_over_it(together: int) -> None:
+    maps = maps_of([(24, 16), (9, 3)])
+    order = coarse_to_fine(maps, together)
+    assert sorted(order) == list(range(24 * 16 + 9 * 3))
+    region = regions_of(maps).of_texel[order]
+    changes = np.flatnonzero(np.diff(region)) + 1
+    runs = np.diff(np.concatenate([[0], changes, [len(order)]]))
+    whole = runs[np.isin(region[np.concatenate([[0], changes])], np.arange(6))]
+    assert (whole % together == 0).all(), "whole regions take their texels in groups"
+    first = order[:together]
+    assert (region[:together] == 0).all()
+    rows, _columns = np.divmod(first, 24)
+    apart = 8 // 2 ** ((together.bit_length() - 1) // 2)
+    assert (rows % apart == 0).all()
 
 
 def test_no_valid_texels() -> None:
@@ -210,7 +228,7 @@ def test_variable_new_old_and_changed_texels_are_sampled_more() -> None:
     assert more("count", 0) > 1.8
     assert more("count", 4) > 4
     assert more("heavy", 3) > 4
-    assert more("frame", 65000) > 1.2
+    assert more("frame", 4000) > 1.2
     assert more("deviation", 4000, POLICIES["visibility"]) == pytest.approx(1, abs=0.3)
 
 
@@ -253,6 +271,15 @@ def test_sampling_spreads_around_texels_that_noticed_a_change() -> None:
     assert [(alone.change >= level).sum() for level in (3, 2, 1)] == [1, 25, 81]
     assert not plan([middle, middle + 1], replace(policy, notice=False)).change.any()
     assert not plan([]).change.any()
+
+
+def test_influence_lowers_what_texels_know_unless_that_is_off() -> None:
+    stage = visited()
+    for lowered in (True, False):
+        selector = Selector(stage.lightmaps, stage.scene, replace(STILL, lower=lowered))
+        plan = selector.plan(stage.context(20, 64, stage.state(200)), 100)
+        assert plan.influence.any()
+        assert ((plan.expected > 0) == ((plan.influence > 0) & lowered)).all()
 
 
 def test_influenced_texels_get_heavy_weights_or_drop_their_values() -> None:

@@ -106,7 +106,7 @@ def test_thresholds_follow_the_noise_so_that_a_share_of_the_texels_is_high(share
     maps = maps_of([(64, 64)])
     measured = Variability(maps, Windows(maps), replace(NARROW, variability_share=share))
     state = np.zeros(4096, dtype=TEXEL_STATE)
-    state["count"] = 9
+    state["count"] = 9 * 16
     for noise in (600, 60):
         for _ in range(40):
             state["deviation"] = rng.integers(0, noise, 4096)

@@ -8,8 +8,14 @@ import pytest
 from lightloom.golden_model.contract.formats import INFLUENCE, TEXEL
 from lightloom.golden_model.maintenance.selection.influence.changes import bounds, moved_objects, sources, table_of
 from lightloom.golden_model.maintenance.selection.influence.footprints import footprints
-from lightloom.golden_model.maintenance.selection.influence.reach import loose_bounds, texel_levels, touched
-from lightloom.golden_model.maintenance.selection.influence.volumes import FOOTPRINT, SHADOW, VOLUME, volumes
+from lightloom.golden_model.maintenance.selection.influence.reach import WHOLE, loose_bounds, texel_changes, touched
+from lightloom.golden_model.maintenance.selection.influence.volumes import (
+    FOOTPRINT,
+    SHADOW,
+    VOLUME,
+    octaves_of,
+    volumes,
+)
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.numerics.vectors import vector
 from lightloom.golden_model.scene.assemble import assemble
@@ -39,11 +45,39 @@ def levels(
     valid = maps.texels["state"] == VALID
     table = table_of(stage.scene)
     records = volumes(table, scene_at(stage.scene, before), scene, policy)
-    return records, texel_levels(records, loose_bounds(table, scene, policy), maps, valid), valid
+    return records, texel_changes(records, loose_bounds(table, scene, policy), maps, valid)[0], valid
 
 
 def of_object(stage: Stage, name: str) -> np.ndarray:
     return stage.lightmaps.texels["object"] == stage.scene.object_names.index(name)
+
+
+def test_what_is_expected_of_what_moves_appears_and_is_switched() -> None:
+    """Of bounds of objects an eighth, of slow motion what this frame brings, of a lamp that goes off all."""
+    fast, appeared, off = (levels(STAGE, frame, BASE)[0] for frame in (1, 20, 30))
+    assert set(fast["octaves"].tolist()) == {3}
+    assert set(appeared["octaves"].tolist()) == {3}
+    assert off["octaves"][off["object"] == LAMP].tolist() == [0]
+    assert [octaves_of(1.0, part, bounds) for part, bounds in ((1 / 8, 3), (1 / 8, -1), (1.0, -1), (0.01, 3))] == [
+        *(6, 2, 0, 6)
+    ]
+
+
+def test_expected_changes_fall_by_four_a_level_and_the_largest_counts() -> None:
+    scene = scene_at(STAGE.scene, 20)
+    valid = STAGE.lightmaps.texels["state"] == VALID
+    records, boxes = levels(STAGE, 20, BASE)[0], loose_bounds(TABLE, scene, BASE)
+    level, expected = texel_changes(records, boxes, STAGE.lightmaps, valid)
+    octaves = int(records["octaves"][0])
+    assert set(zip(level.tolist(), expected.tolist(), strict=True)) == {
+        (0, 0),
+        *((k, WHOLE - octaves - 2 * (3 - k)) for k in (1, 2, 3)),
+    }
+    both = np.concatenate([records, records[:1]])
+    both["octaves"][-1] = 0
+    most = texel_changes(both, boxes, STAGE.lightmaps, valid)[1]
+    assert most.max() == WHOLE
+    assert (most >= expected).all()
 
 
 def test_changes_between_frames() -> None:
@@ -154,7 +188,8 @@ def test_shadows_reach_texels_behind_what_moved_and_no_others() -> None:
     policy = replace(BASE, influence_ahead=0)
     records, found, valid = levels(STAGE, 20, policy)
     assert records["kind"].tolist() == [VOLUME, SHADOW]
-    only = texel_levels(records[1:], loose_bounds(TABLE, scene_at(STAGE.scene, 20), policy), STAGE.lightmaps, valid)
+    boxes = loose_bounds(TABLE, scene_at(STAGE.scene, 20), policy)
+    only, _ = texel_changes(records[1:], boxes, STAGE.lightmaps, valid)
     floor = of_object(STAGE, "floor") & valid
     place = STAGE.lightmaps.texels["position"]
     # Straight from the middle of the lamp through the box to the floor: computed point by point along the way.
@@ -215,7 +250,7 @@ def test_records_are_bounded_and_joining_loses_no_texel() -> None:
         assert len(records) == min(most, 24)
         assert (records["kind"] == SHADOW).sum() == min(most, 24) // 2
         boxes = loose_bounds(table, scene_at(scene, 1), policy)
-        found.append(texel_levels(records, boxes, lightmaps, np.ones(400, dtype=bool)))
+        found.append(texel_changes(records, boxes, lightmaps, np.ones(400, dtype=bool))[0])
     assert 0 < (found[0] > 0).sum() < 400
     for fewer in found[1:]:
         assert ((fewer > 0) >= (found[0] > 0)).all()
@@ -247,7 +282,7 @@ def test_footprints_lie_where_rays_from_the_faces_meet_surfaces() -> None:
     assert (records["kind"] == FOOTPRINT).all()
     boxes = loose_bounds(TABLE, pair[1], policy)
     valid = STAGE.lightmaps.texels["state"] == VALID
-    found = texel_levels(records, boxes, STAGE.lightmaps, valid & ~of_object(STAGE, "guest"))
+    found, _ = texel_changes(records, boxes, STAGE.lightmaps, valid & ~of_object(STAGE, "guest"))
     assert 0 < (found > 0).sum() < valid.sum() / 2
     for record in records:
         own = found[STAGE.lightmaps.texels["object"] == record["surface"]]

@@ -1,0 +1,121 @@
+"""Texels without a sample: a smooth surface through the sampled ones of their side, and of no other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lightloom.golden_model.maintenance.publishing.filling import Filler
+from lightloom.golden_model.numerics.floats import flush
+from lightloom.golden_model.scene.lightmap import BURIED, DOWN, RIGHT, VALID, Lightmaps, joined
+from lightloom.golden_model.scene.sides import firsts_first, sides_of
+from tests.golden_model.maintenance.publishing.test_publisher import maps_of, ragged_maps
+
+
+def pull_push(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Of one image (H, W, K): what the filler does, as it is written of old (Gortler et al. 1996)."""
+    height, width = known.shape
+    if known.all() or not known.any():
+        return np.where(known[..., None], values, np.float32(0))
+    rows, columns = (height + 1) // 2, (width + 1) // 2
+    total = np.zeros((rows, columns, values.shape[2]), dtype=np.float32)
+    count = np.zeros((rows, columns), dtype=np.float32)
+    for j, i in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        part = known[j::2, i::2]
+        place = slice(part.shape[0]), slice(part.shape[1])
+        count[place] += part
+        total[place] = flush(total[place] + np.where(part[..., None], values[j::2, i::2], np.float32(0)))
+    coarse = pull_push(flush(total / np.maximum(count, np.float32(1))[..., None]), count > 0)
+
+    def doubled(image: np.ndarray, size: int) -> np.ndarray:
+        index = np.arange(size)
+        near, far = index // 2, np.clip(index // 2 + np.where(index % 2, 1, -1), 0, len(image) - 1)
+        return flush(flush(image[near] * np.float32(0.75)) + flush(image[far] * np.float32(0.25)))
+
+    smooth = doubled(doubled(coarse, height).swapaxes(0, 1), width).swapaxes(0, 1)
+    return np.where(known[..., None], values, smooth)
+
+
+def walled(maps: Lightmaps, right: np.ndarray, down: np.ndarray) -> Lightmaps:
+    """The maps without the links at `right` and `down` (N,) bool."""
+    links = [reached & ~wall for reached, wall in zip(joined(maps), (right, down), strict=True)]
+    return replace(maps, links=(links[0] * RIGHT + links[1] * DOWN).astype(np.uint8))
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 9), (16, 16), (13, 21), (64, 3)])
+def test_a_map_of_one_side_is_filled_as_a_whole_image(size: tuple[int, int]) -> None:
+    rng = np.random.default_rng(sum(size))
+    width, height = size
+    filler, never = Filler(maps_of([size])), np.zeros(width * height, dtype=np.bool_)
+    for share in (0, 0.05, 0.3, 1):
+        known = rng.random(width * height) < share
+        values = rng.uniform(0, 9, (width * height, 3)).astype(np.float32)
+        found = filler.fill(0, values, known, never)
+        wanted = pull_push(values.reshape(height, width, 3), known.reshape(height, width)).reshape(-1, 3)
+        assert (found == wanted).all(), share
+
+
+def test_what_is_filled_depends_on_its_own_side_alone() -> None:
+    """Walls anywhere; every side has something known."""
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        maps = ragged_maps(seed, [(29, 18)])
+        maps = walled(maps, *(rng.random((2, len(maps.texels))) < 0.35))
+        side, valid = sides_of(maps), maps.texels["state"] == VALID
+        known = valid & (rng.random(len(side)) < 0.2)
+        known[np.unique(side[valid])] = True
+        values = rng.uniform(1, 2, (len(side), 3)).astype(np.float32)
+        filler, never = Filler(maps), np.zeros(len(side), dtype=np.bool_)
+        first = filler.fill(0, values, known, never)
+        assert (first[valid] >= 1).all(), seed
+        assert (first[valid] <= 2).all(), seed
+        for number in rng.choice(np.unique(side[valid]), 5):
+            changed = np.where((side == number)[:, None], values, values + np.float32(7))
+            again = filler.fill(0, changed, known, never)
+            assert (again[side == number] == first[side == number]).all(), seed
+
+
+def test_a_side_of_which_nothing_is_known_shows_what_its_map_does() -> None:
+    maps = maps_of([(8, 4), (4, 4)])
+    wall = np.zeros(len(maps.texels), dtype=np.bool_)
+    wall[:32].reshape(4, 8)[:, 3] = True
+    maps = walled(maps, wall, np.zeros_like(wall))
+    known, never = np.zeros((2, 32), dtype=np.bool_)
+    known[[0, 1]] = True
+    values = np.full((32, 3), np.float32(0.25))
+    assert (Filler(maps).fill(0, values, known, never) == np.float32(0.25)).all()
+    assert not Filler(maps).fill(1, values[:16], known[16:], never[16:]).any(), "nothing is known of the other map"
+    values[4:8] = 7
+    once = np.arange(32) % 8 >= 4
+    found = Filler(maps).fill(0, values, known, once)
+    assert (found == values).all(), "what was known of the other side stays; the first has it from its own"
+    assert (Filler(maps).fill(1, values[:16], known[16:], ~never[16:]) == values[:16]).all()
+
+
+def test_sides_are_what_hangs_together() -> None:
+    """Compared with a search from texel to texel."""
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        maps = ragged_maps(seed, [(17, 13), (5, 9)])
+        maps = walled(maps, *(rng.random((2, len(maps.texels))) < 0.4))
+        maps.texels["state"][rng.random(len(maps.texels)) < 0.1] = BURIED
+        side, valid = sides_of(maps), maps.texels["state"] == VALID
+        right, down = joined(maps)
+        for start in np.flatnonzero(valid):
+            pending, seen = [int(start)], {int(start)}
+            width = int(maps.width[maps.texels["object"][start]])
+            while pending:
+                p = pending.pop()
+                ways = [(p, p + 1, right), (p, p + width, down), (p - 1, p - 1, right), (p - width, p - width, down)]
+                for link, other, links in ways:
+                    if link >= 0 and links[link] and valid[other] and other not in seen:
+                        seen.add(other)
+                        pending.append(other)
+            assert side[start] == min(seen), f"seed {seed}, texel {start}"
+        assert (side[~valid] == np.flatnonzero(~valid)).all()
+
+
+def test_the_first_of_each_side_comes_first() -> None:
+    side = np.array([0, 0, 2, 2, 4, 0])
+    assert firsts_first(side, np.array([5, 3, 1, 0, 2, 4])).tolist() == [5, 3, 4, 1, 0, 2]
+    assert firsts_first(side, np.zeros(0, dtype=np.int64)).tolist() == []

@@ -1,0 +1,154 @@
+"""What a frame's bits may not depend on: which NaN an operation makes, and what a host makes of a cast that overflows.
+
+Processors differ in both: the NaN of 0 * infinity has another sign on ARM than on x86, and there casts saturate. The
+hardware has one NaN, drops it where it takes the smaller or larger of two numbers, and saturates.
+"""
+
+import sys
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lightloom.golden_model.frame.frame_rays import FrameShading
+from lightloom.golden_model.maintenance.sampling.settings import Sampling
+from lightloom.golden_model.numerics import floats
+from lightloom.golden_model.renderer import FrameResult, Pipeline, Renderer
+from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.stimuli.layouts.catalogue import write_layout
+from tests.golden_model.test_frame_loop import room
+
+SEED = 8
+MODEL = "lightloom.golden_model."
+HOST = (
+    "tracing.bvh.",  # units follow `tracing.wide_bvh`
+    "maintenance.selection.influence.changes",  # what is different, from poses: float64
+    "maintenance.selection.influence.volumes",
+    "scene.lights",  # `lights_of`, the table of lights: float64
+    "scene.scene",
+    "scene.ray_offset",
+)
+"""Modules that hardware does not follow in a frame: they prepare its tables."""
+
+
+FOLDERS = ("frame", "maintenance", "numerics", "rays", "scene", "tracing")
+
+
+def renderer_of(folder: Path, name: str, direct: Any) -> Renderer:
+    """Of a room with mirrors and glass, or of a layout of the suite; small."""
+    scene = room(folder, SEED, specular=True) if name == "room" else load_scene(str(write_layout(name, 0, folder)))
+    return Renderer(
+        scene,
+        width=36,
+        height=24,
+        budget=1500,
+        seed=SEED,
+        sampling=Sampling(directions=4, priming=1, direct=direct),
+        pipeline=Pipeline(shading=FrameShading(direct=direct)),
+    )
+
+
+def frames(renderer: Renderer) -> list[FrameResult]:
+    """The next ones."""
+    return [renderer.frame() for _ in range(2)]
+
+
+def bits(results: list[FrameResult]) -> list[bytes]:
+    """All that a frame leaves behind."""
+    return [
+        part.tobytes()
+        for each in results
+        for part in (each.image, each.lightmap, each.gbuffer, each.maintenance.texels, each.maintenance.plan.priority)
+    ]
+
+
+def everywhere(monkeypatch: pytest.MonkeyPatch, name: str, function: Callable[..., Any]) -> None:
+    """Puts `function` in the place of `floats.name` in every module of the model that uses it."""
+    before = getattr(floats, name)
+    users = [each for key, each in sys.modules.items() if key.startswith(MODEL) and vars(each).get(name) is before]
+    assert floats in users
+    assert len(users) > 10
+    for module in users:
+        monkeypatch.setattr(module, name, function)
+
+
+SCENES = [("room", "rays"), ("many-movers", "maps")]
+
+
+@pytest.mark.parametrize(("scene", "direct"), SCENES)
+def test_no_bit_depends_on_which_nan_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scene: str, direct: str
+) -> None:
+    """Every NaN that an operation makes gets a sign and a payload at random."""
+    once = frames(renderer_of(tmp_path, scene, direct))
+    random, flush, met = np.random.default_rng(SEED), floats.flush, 0
+
+    def scrambled(x: np.ndarray) -> np.ndarray:
+        nonlocal met
+        out = np.asarray(flush(x))
+        wrong = np.isnan(out)
+        if out.dtype == np.float32 and wrong.any():
+            met += int(np.count_nonzero(wrong))
+            payload = random.integers(1, 1 << 22, out.shape, dtype=np.uint32) | np.uint32(0x7FC00000)
+            sign = random.integers(0, 2, out.shape, dtype=np.uint32) << np.uint32(31)
+            out = np.where(wrong, (payload | sign).view(np.float32), out)
+        return out
+
+    everywhere(monkeypatch, "flush", scrambled)
+    again = frames(renderer_of(tmp_path, scene, direct))
+    assert met > 0, "no operation made a NaN: nothing was tried"
+    assert bits(once) == bits(again), f"seed {SEED}"
+
+
+@pytest.mark.parametrize(("scene", "direct"), SCENES)
+def test_no_cast_depends_on_the_host(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scene: str, direct: str) -> None:
+    """No NaN and nothing out of range is cast to an integer, so a host whose casts saturate has the same bits.
+
+    NumPy says so where the processor does: here that is an error, also where the model hides other warnings.
+    """
+    renderer, errstate = renderer_of(tmp_path, scene, direct), np.errstate
+
+    def telling(**_: Any) -> Any:
+        return errstate(all="ignore", invalid="warn")
+
+    monkeypatch.setattr(np, "errstate", telling)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        warnings.filterwarnings("error", message=".*encountered in cast")
+        with pytest.raises(RuntimeWarning, match="in cast"), np.errstate():
+            np.full(8, np.nan, dtype=np.float32).astype(np.int64)
+        frames(renderer)
+
+
+class Integers:
+    """NumPy's function `name` for integers alone, as the model's modules see it; elsewhere for all numbers."""
+
+    def __init__(self, name: str):
+        self.name, self.function, self.calls = name, getattr(np, name), 0
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        module = sys._getframe(1).f_globals["__name__"].removeprefix(MODEL)
+        if module.split(".")[0] in FOLDERS and module != "numerics.floats" and not module.startswith(HOST):
+            self.calls += 1
+            kinds = {np.asarray(each).dtype.kind for each in args}
+            assert "f" not in kinds, f"np.{self.name} of numbers in {module}: float_minmax or float_to_fixed_down"
+        return self.function(*args, **kwargs)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.function, name)
+
+
+@pytest.mark.parametrize(("scene", "direct"), SCENES)
+def test_smaller_and_larger_numbers_are_those_of_the_units(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scene: str, direct: str
+) -> None:
+    """NumPy's minimum keeps a NaN and its floor leaves a number to be cast: no frame asks for them."""
+    renderer = renderer_of(tmp_path, scene, direct)
+    watched = [Integers(name) for name in ("maximum", "minimum", "clip", "fmax", "fmin", "floor", "ceil", "rint")]
+    for each in watched:
+        monkeypatch.setattr(np, each.name, each)
+    frames(renderer)
+    assert sum(each.calls for each in watched) > 100
