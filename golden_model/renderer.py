@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from lightloom.golden_model.charts.unwrap import unwrap
-from lightloom.golden_model.frame.compositor import blend_frame
+from lightloom.golden_model.frame.compositor import blend_frame, show_beyond
 from lightloom.golden_model.frame.frame_rays import FrameRayFigures, FrameRays, FrameShading
 from lightloom.golden_model.frame.rasterizer import Mesh, RasterFigures, Rasterization, draw
 from lightloom.golden_model.host.errors import InputError
@@ -43,7 +43,7 @@ from lightloom.golden_model.rays.surface_shading import Surfaces, ray_weights, r
 from lightloom.golden_model.rays.waves import Waves, run_together
 from lightloom.golden_model.scene.coarse_geometry import coarse_links, fine_triangles
 from lightloom.golden_model.scene.light_unit import in_unit, light_exponent
-from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.scene.lightmap import Lightmaps, back_rows_of
 from lightloom.golden_model.scene.lights import Lights, lights_of
 from lightloom.golden_model.scene.pinhole import View, look_at
 from lightloom.golden_model.scene.pose import moved_records, scene_at
@@ -357,6 +357,7 @@ class Renderer:
         seed, options = self.seed, self.pipeline.shading
         with clock("shade pixels"):
             raster = self._fragments(surfaces, drawn)
+            show_beyond(raster, drawn.scene.environment, drawn.view, drawn.gbuffer)
             rays = FrameRays(
                 surfaces,
                 drawn.view,
@@ -389,12 +390,13 @@ class Renderer:
         return shade_pixels(surfaces, drawn.gbuffer)
 
     def _mesh(self, scene: Scene) -> Mesh:
-        textured = scene.textures and (scene.texture >= 0).any()
+        textured = scene.textures and (np.maximum(scene.texture, scene.emission_texture) >= 0).any()
         return Mesh(
             triangles=scene.triangles,
             normals=scene.normals,
             object_id=scene.object_id,
             lightmap_uv=self.lightmaps.uv,
+            back_rows=back_rows_of(self.lightmaps, scene),
             texture_uv=texel_coordinates(scene, np.arange(len(scene.triangles))) if textured else None,
         )
 

@@ -45,7 +45,8 @@ def find_buried(lightmaps: Lightmaps, scene: Scene, trace: Trace, triangles: Cha
 
     From inside a closed surface all rays meet its back; three quarters of them are asked for, so that the inside of an
     open pot, which can be seen, counts as valid, and a lamp close under a ceiling hides the texels behind it. Beside
-    texels that are not buried reads touch it; so there another point of its chart is taken, less than a texel away.
+    texels that are not buried reads touch it; so there another point of its chart is taken, less than a texel away. The
+    backs of two-sided triangles hide nothing.
 
     Where objects move, what hides a texel in one frame may not in another. So there only what never moves against the
     texel can bury it: the still objects those of each other, a moving body its own (`Scene.bodies`, at rest).
@@ -53,18 +54,18 @@ def find_buried(lightmaps: Lightmaps, scene: Scene, trace: Trace, triangles: Cha
     texels = lightmaps.texels.copy()
     for objects, tracer in alone(scene, trace):
         mine = np.flatnonzero((texels["state"] == VALID) & np.isin(texels["object"], objects))
-        backs, fronts = _met(texels[mine], tracer)
+        backs, fronts = _met(texels[mine], scene, tracer)
         texels["state"][mine[backs >= MOST]] = BURIED
         dark = np.zeros(len(texels), dtype=np.bool_)
         dark[mine] = (backs >= MOST) | ((backs >= SHADED) & (fronts <= 1))
         partly = mine[(backs >= SHADED) & ~dark[mine]]
         for _ in range(PASSES):
             hidden = partial(_hidden, lightmaps, texels["state"], scene)
-            backs, _ = _met(texels[partly], tracer, hidden)
+            backs, _ = _met(texels[partly], scene, tracer, hidden)
             texels["state"][partly[backs >= MOST]] = BURIED
             dark[partly[backs >= MOST]] = True
             partly = partly[backs < MOST]
-        _move(texels, lightmaps, triangles, np.flatnonzero(dark & _beside(lightmaps, mine, ~dark)), tracer)
+        _move(texels, lightmaps, scene, triangles, np.flatnonzero(dark & _beside(lightmaps, mine, ~dark)), tracer)
     return replace(lightmaps, texels=texels, fill=nearest_valid(lightmaps, texels["state"]))
 
 
@@ -83,15 +84,20 @@ def _hidden(lightmaps: Lightmaps, state: np.ndarray, scene: Scene, hits: np.ndar
 
 
 def _met(
-    texels: np.ndarray, tracer: Trace, hidden: Callable[[np.ndarray], np.ndarray] | None = None
+    texels: np.ndarray, scene: Scene, tracer: Trace, hidden: Callable[[np.ndarray], np.ndarray] | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How many rays of TEXEL (M,) meet a back, and how many a front, (M,) each; a front that is `hidden` is a back."""
+    """How many rays of TEXEL (M,) meet a back, and how many a front, (M,) each.
+
+    A front that is `hidden` is a back; either side of a two-sided triangle is a front.
+    """
     counts = np.zeros((2, len(texels)), dtype=np.int64)
     for begin in range(0, len(texels), BATCH // RAYS):
         part = slice(begin, begin + BATCH // RAYS)
         rays = hemisphere_rays(texels[part], cosine_table()[:RAYS])
         hits = tracer(rays.reshape(-1))
         front = hits["front"] if hidden is None else hits["front"] & ~hidden(hits)
+        two_sided = scene.two_sided[scene.material[np.maximum(hits["primitive"], 0)]]
+        front = front | (two_sided & ~hits["front"])
         met, front = (each.reshape(-1, RAYS) for each in (hits["primitive"] >= 0, front))
         counts[:, part] = (met & ~front).sum(axis=1), (met & front).sum(axis=1)
     return counts[0], counts[1]
@@ -111,14 +117,19 @@ def _beside(lightmaps: Lightmaps, texel: np.ndarray, chosen: np.ndarray) -> np.n
 
 
 def _move(
-    texels: np.ndarray, lightmaps: Lightmaps, triangles: ChartedTriangles, moved: np.ndarray, tracer: Trace
+    texels: np.ndarray,
+    lightmaps: Lightmaps,
+    scene: Scene,
+    triangles: ChartedTriangles,
+    moved: np.ndarray,
+    tracer: Trace,
 ) -> None:
     """Gives those of `moved` (M,) another point that have one that is not buried, in `texels` (N,)."""
     left = np.ones(len(moved), dtype=np.bool_)
     for place, record in other_points(triangles, lightmaps, moved):
         wanted = left[place]
         place, record = place[wanted], record[wanted]
-        free = _met(record, tracer)[0] < FREE
+        free = _met(record, scene, tracer)[0] < FREE
         texels[moved[place[free]]] = record[free]
         left[place[free]] = False
 

@@ -1,6 +1,6 @@
 """From a scene to its lightmaps: charts for every object, texel records, buried texels."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +8,7 @@ import numpy as np
 from lightloom.golden_model.charts.buried import find_buried, nearest_valid
 from lightloom.golden_model.charts.curved import mesh_charts
 from lightloom.golden_model.charts.links import find_links
-from lightloom.golden_model.charts.planar import ObjectCharts, planar_charts
+from lightloom.golden_model.charts.planar import GAP, ObjectCharts, planar_charts
 from lightloom.golden_model.charts.read_levels import deepest_levels
 from lightloom.golden_model.charts.sample_points import ChartedTriangles
 from lightloom.golden_model.charts.texels import MARGIN, chart_border, texel_records, unit
@@ -33,6 +33,9 @@ class _Object:
     chart: np.ndarray
     span: np.ndarray
     border: np.ndarray
+    back_rows: int = 0
+    backs: ChartedTriangles | None = None
+    """Two-sided triangles from behind, charts numbered as in `chart`."""
 
 
 def unwrap(
@@ -58,6 +61,7 @@ def unwrap(
         )
     with Unwrapper() as unwrapper:
         objects = [_unwrap_object(scene, k, size, cache, unwrapper) for k in range(len(scene.object_names))]
+    back_rows = np.array([item.back_rows for item in objects], dtype=np.int32)
     width = np.array([item.charts.width for item in objects], dtype=np.int32)
     height = np.array([item.charts.height for item in objects], dtype=np.int32)
     count = width.astype(np.int64) * height
@@ -66,7 +70,8 @@ def unwrap(
 
     texels = np.concatenate([item.texels for item in objects]).astype(TEXEL)
     texels["object"] = np.repeat(np.arange(len(objects)), count)
-    charts = np.array([int(item.charts.chart.max()) + 1 for item in objects])
+    sides = np.array([1 + (item.back_rows > 0) for item in objects])
+    charts = np.array([int(item.charts.chart.max()) + 1 for item in objects]) * sides
     charts_before = np.cumsum(charts) - charts
     lightmaps = Lightmaps(
         width=width,
@@ -76,6 +81,7 @@ def unwrap(
         texels=texels,
         chart=_numbered([item.chart for item in objects], charts_before),
         fill=np.full(len(texels), -1, dtype=np.int32),
+        back_rows=back_rows if back_rows.any() else None,
     )
     if trace is not None:
         triangles = ChartedTriangles(
@@ -86,6 +92,7 @@ def unwrap(
             span=np.concatenate([item.span for item in objects]),
             border=np.concatenate([item.border for item in objects]),
         )
+        triangles = _with_backs(triangles, objects, charts_before)
         lightmaps = find_links(find_buried(lightmaps, scene, trace, triangles), scene, trace, triangles)
     else:
         lightmaps.fill[:] = nearest_valid(lightmaps, texels["state"])
@@ -136,7 +143,62 @@ def _unwrap_object(scene: Scene, number: int, texel_size: float, cache: Path | N
     texels, chart = texel_records(
         corners, scene.normals[members], charts.uv, charts.chart, charts.width, charts.height, span, margin
     )
-    return _Object(charts, texels, chart, span, chart_border(charts.uv, charts.chart) * margin[:, None])
+    border = chart_border(charts.uv, charts.chart) * margin[:, None]
+    front = _Object(charts, texels, chart, span, border)
+    two_sided = scene.two_sided[scene.material[members]]
+    return _with_back(front, corners, scene.normals[members], two_sided, margin) if two_sided.any() else front
+
+
+def _with_back(
+    front: _Object, corners: np.ndarray, normals: np.ndarray, two_sided: np.ndarray, margin: np.ndarray
+) -> _Object:
+    """A map with texels for the backs of the triangles that are `two_sided` (F,), below those of the fronts.
+
+    They lie at the same places of the surface, on its other side, in charts of their own.
+    """
+    charts, turned = front.charts, [0, 2, 1]
+    rows, before = charts.height + GAP, int(charts.chart.max()) + 1
+    backs = ChartedTriangles(
+        corners=corners[two_sided][:, turned],
+        normals=-normals[two_sided][:, turned],
+        uv=charts.uv[two_sided][:, turned],
+        chart=charts.chart[two_sided],
+        span=front.span[two_sided],
+        border=front.border[two_sided][:, [2, 1, 0]],  # edge k goes from corner k to the next
+    )
+    texels, chart = texel_records(
+        backs.corners,
+        backs.normals,
+        backs.uv,
+        backs.chart,
+        charts.width,
+        charts.height,
+        backs.span,
+        margin[two_sided],
+    )
+    gap = GAP * charts.width
+    behind = np.where(chart >= 0, chart + before, -1)
+    return replace(
+        front,
+        charts=replace(charts, height=2 * charts.height + GAP),
+        texels=np.concatenate([front.texels, np.zeros(gap, dtype=TEXEL), texels]),
+        chart=np.concatenate([front.chart, np.full(gap, -1, dtype=np.int32), behind]).astype(np.int32),
+        back_rows=rows,
+        backs=replace(backs, uv=backs.uv + np.float32([0, rows]), chart=backs.chart + before),
+    )
+
+
+def _with_backs(fronts: ChartedTriangles, objects: list[_Object], charts_before: np.ndarray) -> ChartedTriangles:
+    """The triangles of a scene, and behind them those of all backs."""
+    backs = [
+        replace(item.backs, chart=item.backs.chart + before)
+        for item, before in zip(objects, charts_before, strict=True)
+        if item.backs is not None
+    ]
+    together = {
+        each.name: np.concatenate([getattr(part, each.name) for part in (fronts, *backs)]) for each in fields(fronts)
+    }
+    return ChartedTriangles(**together)
 
 
 def _empty_map(faces: int) -> _Object:

@@ -296,6 +296,10 @@ NODE_HITS = np.dtype([("count", bits(4)), ("slot", bits(3), (WIDTH,)), ("entry",
 # A lamp without size: radiant intensity RGB (W/sr), so that the irradiance at distance r is intensity * cosine / r**2.
 POINT_LIGHT = np.dtype([("position", F4, (3,)), ("intensity", F4, (3,))])
 
+# The cone that a point light sends its light into, a spot light's: unit axis, cosine of the outer half angle, and one
+# over how much greater that of the inner one is. All around (axis 0, -1, 1) for one that is none.
+CONE = np.dtype([("axis", F4, (3,)), ("outer", F4), ("steepness", F4)])
+
 # Where a lightmap texel lies: the point that its rays start from, just off its surface, unit normal and unit tangent
 # (the bitangent: normal x tangent), the object whose map it belongs to. `state` is 0 outside all charts (then the rest
 # is zero), 1 for a texel that is sampled, 2 for one inside or under other geometry; 0 and 2 show another texel's value.
@@ -308,7 +312,8 @@ TEXEL = np.dtype(
 # infinity and the rest zero). u and v are barycentric as in HIT, `depth` is the distance along the view axis, `normal`
 # the interpolated one (unit length), `lightmap` the coordinates in texels of the object's map, `lod` the base-2
 # logarithm of texels per pixel in 1/256ths. `texture` and `texture_lod` are the same for the texture (texels of its
-# finest level), zero in a scene without textures.
+# finest level), zero in a scene without textures. Where the back of a two-sided triangle is seen, `lightmap` and
+# `normal` are those of that side.
 GBUFFER = np.dtype(
     [
         ("primitive", I4),

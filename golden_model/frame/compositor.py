@@ -4,6 +4,8 @@ import numpy as np
 
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.numerics.floats import flush, quiet
+from lightloom.golden_model.scene.environment import Environment
+from lightloom.golden_model.scene.pinhole import View, pixel_rays
 
 MODES = ("both", "raster", "rays")
 """The picture; what fragment shading alone has found; what rays have added to it."""
@@ -22,3 +24,10 @@ def blend_frame(raster: np.ndarray, rays: np.ndarray, weight: np.ndarray, mode: 
         return raster
     weighted = flush(rays * weight)
     return weighted if mode == "rays" else flush(raster + weighted)
+
+
+def show_beyond(raster: np.ndarray, environment: Environment, view: View, gbuffer: np.ndarray) -> None:
+    """Puts what lies beyond the scene into the pixels (H, W, 3) of `raster` that see no surface, in place."""
+    if environment:
+        empty = gbuffer["primitive"] < 0
+        raster[empty] = environment.seen(pixel_rays(view)["direction"][empty.reshape(-1)])

@@ -147,7 +147,7 @@ class FrameRays:
         if len(specular):
             self._material_rays(view, take(flat, specular), specular, hash_u32(specular, seed, frame, _SPECULAR))
         if self.options.direct == "rays" and len(lights):
-            diffuse = seen[(surface == DIFFUSE) & flat["front"][seen]]
+            diffuse = seen[scene.reflects(flat["primitive"][seen], flat["front"][seen])]
             self._occlusion_rays(take(flat, diffuse), diffuse, hash_u32(diffuse, seed, _SHADOW), frame)
 
     def _material_rays(self, view: View, fragment: np.ndarray, pixel: np.ndarray, key: np.ndarray) -> None:
@@ -216,7 +216,10 @@ class FrameRays:
         options, onward, coarse = self.options, specular.onward, self.options.coarse_specular
         hits = collector.hits(specular.ticket)
         both = self._bounce < options.split
-        shaded = shade_rays(self._surfaces, onward.rays, hits, onward.key, emission=True, both=both, coarse=coarse)
+        beyond = self._surfaces.scene.environment.seen
+        shaded = shade_rays(
+            self._surfaces, onward.rays, hits, onward.key, emission=True, beyond=beyond, both=both, coarse=coarse
+        )
         self.buffer.add(specular.pixel, flush(specular.weight * shaded.radiance))
         if options.direct == "rays" and len(self._lights):
             key = hash_u32(onward.key, _BEYOND)

@@ -97,6 +97,8 @@ class Mesh:
     """(T,) int32."""
     lightmap_uv: np.ndarray
     """Lightmap coordinates of the corners in texels, (T, 3, 2) float32."""
+    back_rows: np.ndarray | None = None
+    """Of triangles whose backs have texels, the rows from those of the front to them, 0 for others: (T,) float32."""
     texture_uv: np.ndarray | None = None
     """Texture coordinates of the corners in texels of the finest level, (T, 3, 2) float32; None: there are none."""
 
@@ -335,6 +337,7 @@ class _Attributes:
         used_index = np.flatnonzero(used)
         self._width = view.width
         self._textured = mesh.texture_uv is not None
+        self._back_rows = None if mesh.back_rows is None else mesh.back_rows[setup.primitive[used_index]]
         self._primitive = setup.primitive[used_index]
         self._object = mesh.object_id[self._primitive]
         self._front = setup.front[used_index]
@@ -414,6 +417,10 @@ class _Attributes:
                 step = [flush(flush(d_u * along_u[axis]) + flush(d_v * along_v[axis])) for axis in range(2)]
                 squares.append(flush(flush(step[0] * step[0]) + flush(step[1] * step[1])))
             out[lod] = _half_logarithm(float_minmax(squares[0], squares[1], True))
+        if self._back_rows is not None:
+            rows = np.where(out["front"], np.float32(0), self._back_rows[row])
+            out["lightmap"][:, 1] = flush(out["lightmap"][:, 1] + rows)
+            out["normal"] = np.where((rows > 0)[:, None], -out["normal"], out["normal"])
 
 
 def _sum3(values: list[np.ndarray], factor: np.ndarray | list[np.ndarray]) -> np.ndarray:

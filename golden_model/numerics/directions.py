@@ -53,6 +53,17 @@ def sine_cosine(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return x * sine, cosine
 
 
+def sine_cosine_of(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """float64 (sin, cos) of angles (N,) float64 of a few turns at most: of what is left of them beside quarters."""
+    quarters = np.rint(angle / (_PI / 2))
+    sine, cosine = sine_cosine(angle - quarters * (_PI / 2))
+    quarter = quarters.astype(np.int64) % 4
+    return (
+        np.choose(quarter, [sine, cosine, -sine, -cosine]),
+        np.choose(quarter, [cosine, -sine, -cosine, sine]),
+    )
+
+
 @functools.cache
 def cosine_table() -> np.ndarray:
     """(COUNT, 3) float32 unit directions about +z, distributed with density cos/pi; read-only.

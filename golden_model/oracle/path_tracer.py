@@ -25,7 +25,7 @@ from lightloom.golden_model.numerics.directions import (
 from lightloom.golden_model.numerics.floats import flush, quiet
 from lightloom.golden_model.numerics.vectors import add, scale, subtract
 from lightloom.golden_model.rays.hit_surface import surface_at
-from lightloom.golden_model.scene.lights import Lights, direct_candidates, lights_of, met_emission
+from lightloom.golden_model.scene.lights import Lights, direct_candidates, lights_of, met_beyond, met_emission
 from lightloom.golden_model.scene.ray_offset import lift, ray_start
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.trace_protocol import Trace
@@ -33,6 +33,7 @@ from lightloom.golden_model.tracing.trace_protocol import Trace
 _PI = np.float32(3.1415927)
 _RIVALS = np.float32(1)  # a ray goes on from a vertex for each light sample there
 BATCH = 1 << 17  # paths traced at a time: bounds the memory
+SKY_SIDE = 512  # cells along each side of the table of a sky: no larger than a seventh to a third of a degree
 MOST_VERTICES = 512  # of a path, where an albedo is 1
 _DIRECT, _TURN, _ROULETTE, _DIRECTION, _LIGHT = range(5)  # what a hash is for
 
@@ -50,7 +51,7 @@ def irradiance(
 
     The same seed gives the same bits. `progress(done, total)` is called with numbers of paths as they are finished.
     """
-    lights = lights_of(scene)
+    lights = lights_of(scene, SKY_SIDE)
     total = np.zeros((len(position), 3))
     points = max(BATCH // samples, 1)
     run = min(samples, BATCH)
@@ -164,6 +165,9 @@ def _indirect(
     for vertex in range(_vertices(scene)):
         hits = trace(rays)
         met = hits["primitive"] >= 0
+        if lights.distant:
+            glow = met_beyond(lights, rays["direction"][~met], facing[~met], _RIVALS)
+            gathered[path[~met]] += flush(throughput[~met] * flush(glow * _PI))
         path, own, throughput, hits = path[met], own[met], throughput[met], hits[met]
         if not len(path):
             break

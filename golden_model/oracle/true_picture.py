@@ -22,7 +22,7 @@ def require_path_traced(scene: Scene) -> None:
     """Raises InputError for a scene that cannot be path-traced."""
     if (scene.surface[scene.material] != DIFFUSE).any():
         raise InputError("--true: the scene has mirrors or glass, which are not path-traced; leave it out")
-    if (scene.texture[scene.material] >= 0).any():
+    if (np.maximum(scene.texture, scene.emission_texture)[scene.material] >= 0).any():
         raise InputError("--true: the scene has textures, which are not path-traced; leave it out")
 
 
@@ -36,11 +36,11 @@ def true_picture(
 ) -> np.ndarray:
     """Reflected radiance of the pixels of GBUFFER (H, W), (H, W, 3) float32, from `samples` paths a pixel.
 
-    Of a frame's scene (`scene_at`), which `trace` traces. Emission is left out, and the backs of triangles reflect
-    nothing, as in the frame loop. `progress` as for `irradiance`.
+    Of a frame's scene (`scene_at`), which `trace` traces. Emission is left out, and the backs of triangles that are not
+    two-sided reflect nothing, as in the frame loop. `progress` as for `irradiance`.
     """
     flat = gbuffer.reshape(-1)
-    pixel = np.flatnonzero((flat["primitive"] >= 0) & flat["front"])
+    pixel = np.flatnonzero((flat["primitive"] >= 0) & scene.reflects(np.maximum(flat["primitive"], 0), flat["front"]))
     hits = np.zeros(len(pixel), dtype=HIT)
     for name in ("primitive", "u", "v", "front"):
         hits[name] = flat[name][pixel]

@@ -14,6 +14,7 @@ that of the outside. Light that goes through takes on the tint at each passage; 
 not scaled by the square of the index: on the way out of a closed body the factors cancel.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,12 +25,15 @@ from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.structured import take
 from lightloom.golden_model.numerics.vectors import add, dot, normalize, scale
 from lightloom.golden_model.rays.hit_surface import surface_at
-from lightloom.golden_model.rays.surface_shading import INVERSE_PI, Surfaces, albedo_at, diffuse_radiance, emitted
+from lightloom.golden_model.rays.surface_shading import INVERSE_PI, Surfaces, albedo_at, diffuse_radiance, emitted_at
 from lightloom.golden_model.scene.lights import Lights, direct_candidates
 from lightloom.golden_model.scene.parts import DIFFUSE, GLASS
 from lightloom.golden_model.scene.scene import Scene
 
 _REFLECTED, _REFRACTED = 1, 2  # what a path's key is hashed with
+
+Beyond = Callable[[np.ndarray], np.ndarray]
+"""Directions (N, 3) float32, of any length, to the radiance that comes from beyond the scene, (N, 3) float32."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,14 +88,15 @@ def shade_rays(
     key: np.ndarray,
     *,
     emission: bool,
+    beyond: Beyond | None = None,
     both: bool = False,
     coarse: bool = False,
 ) -> Shaded:
     """Shades RAY (N,) with their HIT (N,), of the coarse geometry where `coarse`.
 
     Diffuse surfaces bring what their lightmap holds; `emission` says whether what shines counts as well: not where
-    shadow rays have brought it already, always behind mirrors and glass, which shadow rays cannot pass. Misses and
-    backs of diffuse surfaces bring nothing.
+    shadow rays have brought it already, always behind mirrors and glass, which shadow rays cannot pass. Misses
+    bring what lies `beyond` the scene in their directions; without it, and as backs of diffuse surfaces do, nothing.
 
     At glass a ray is followed by the reflected and the refracted one where `both`; else by one of them, chosen by
     chance as the Fresnel reflectance has it, so that its weight is that of the tint alone. `key` (N,) uint32 is what
@@ -103,7 +108,10 @@ def shade_rays(
     hit = take(hits, struck)
     radiance[struck] = diffuse_radiance(surfaces, hit, coarse=coarse)
     if emission:
-        radiance[struck] = add(radiance[struck], emitted(scene, hit["primitive"], hit["front"]))
+        radiance[struck] = add(radiance[struck], emitted_at(surfaces, scene, hit))
+    if beyond is not None:
+        missed = np.flatnonzero(hits["primitive"] < 0)
+        radiance[missed] = beyond(rays["direction"][missed])
     specular = scene.surface[scene.material[hit["primitive"]]] != DIFFUSE
     parent, hit = struck[specular], take(hit, specular)
     tint = albedo_at(surfaces, scene, hit)
@@ -220,13 +228,13 @@ def direct_light(
     first: np.ndarray | int = 0,
     samples: int = 1,
 ) -> Direct:
-    """The shadow rays of HIT (N,) that lie on the front of diffuse surfaces, with the irradiance that each brings.
+    """The shadow rays of HIT (N,) that lie on a side of surfaces that reflects, with the irradiance that each brings.
 
     `samples` candidates a hit, from `first` on of the sequence that `key` (N,) chooses; those that can carry no light
     are left out. The sum of the values of those that arrive is the direct irradiance.
     """
-    material = scene.material[np.maximum(hits["primitive"], 0)]
-    lit = np.flatnonzero((hits["primitive"] >= 0) & hits["front"] & (scene.surface[material] == DIFFUSE))
+    known = np.maximum(hits["primitive"], 0)
+    lit = np.flatnonzero((hits["primitive"] >= 0) & scene.reflects(known, hits["front"]))
     surface = surface_at(scene, take(hits, lit))
     rays, light = direct_candidates(lights, surface.start, surface.facing, key[lit], first=first, samples=samples)
     light = light.reshape(-1, 3)

@@ -11,7 +11,7 @@ from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.numerics.vectors import vector
 from lightloom.golden_model.scene.cuts import cut_parts
 from lightloom.golden_model.scene.keyframes import REST, LightPath
-from lightloom.golden_model.scene.mesh import shading_normals, usable_parts
+from lightloom.golden_model.scene.mesh import closed, shading_normals, usable_parts
 from lightloom.golden_model.scene.parts import Part
 from lightloom.golden_model.scene.scene import Camera, Keyframe, Scene
 
@@ -72,13 +72,16 @@ def _assembled(parts: Sequence[Part], **rest: Any) -> Scene:
     materials = [len(part.albedo) for part in parts]
     textures: list[np.ndarray] = []
     texture = [_index(textures, part.texture) for part in parts]
+    emission_texture = [_index(textures, part.emission_texture) for part in parts]
     return Scene(
         object_names=names,
         albedo=np.concatenate([p.albedo for p in parts]),
         emission=np.concatenate([p.emission for p in parts]),
         surface=np.repeat([p.surface for p in parts], materials).astype(np.uint8),
+        two_sided=np.repeat([p.two_sided and not closed(p.corners) for p in parts], materials).astype(bool),
         ior=np.repeat([p.ior for p in parts], materials).astype(np.float32),
         texture=np.repeat(texture, materials).astype(np.int32),
+        emission_texture=np.repeat(emission_texture, materials).astype(np.int32),
         textures=tuple(textures),
         material_object=np.repeat(np.arange(len(parts)), materials).astype(np.int32),
         object_path=tuple(part.path for part in parts),

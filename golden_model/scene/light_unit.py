@@ -14,6 +14,7 @@ import numpy as np
 from lightloom.golden_model.scene.keyframes import LightPath
 from lightloom.golden_model.scene.scene import Scene
 
+PI = 3.141592653589793
 AREA_BITS = 14
 """Area lights shine with less than 2**14: they bring less than pi times as much, and binary16 ends at 65504."""
 POINT_BITS = 6
@@ -30,15 +31,16 @@ def light_exponent(scene: Scene) -> int:
         above.append(int(np.frexp(scene.brightest)[1]) - AREA_BITS)
     if len(scene.point_lights):
         above.append(int(np.frexp(around_point_lights(scene))[1]) - POINT_BITS)
+    if scene.environment.shines:
+        # As much as an area light brings that is all that a surface sees.
+        above.append(int(np.frexp(scene.environment.irradiance / PI)[1]) - AREA_BITS)
     most = max(above, default=0)
     return max(most, 0) + min(most + SPAN_BITS, 0)
 
 
 def around_point_lights(scene: Scene) -> float:
     """The irradiance that all point lights together bring half the scene's longest side away."""
-    corners = scene.corners.reshape(-1, 3)
-    distance = float((corners.max(axis=0) - corners.min(axis=0)).max()) / 2
-    return scene.brightest_lights / (distance * distance)
+    return scene.brightest_lights / (scene.half_extent * scene.half_extent)
 
 
 def in_unit(scene: Scene, exponent: int) -> Scene:
@@ -53,6 +55,7 @@ def in_unit(scene: Scene, exponent: int) -> Scene:
         emission=np.ldexp(scene.emission, -exponent),
         point_lights=lights,
         light_path=paths,
+        environment=scene.environment.in_unit(exponent),
         coarse=None if scene.coarse is None else in_unit(scene.coarse, exponent),
     )
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from lightloom.golden_model.numerics.floats import float_to_fixed, float_to_fixed_down, flush, quiet
 from lightloom.golden_model.numerics.vectors import interpolate
+from lightloom.golden_model.scene.scene import Scene
 
 EMPTY, VALID, BURIED = 0, 1, 2
 """States of a texel; see `golden_model.contract.formats.TEXEL`."""
@@ -44,6 +45,8 @@ class Lightmaps:
     """Chart of each texel, (N,) int32, numbered through all maps; -1 outside all charts."""
     fill: np.ndarray
     """Texel whose value is shown at each texel, (N,) int32: a valid one (itself if it is), -1 if its map has none."""
+    back_rows: np.ndarray | None = None
+    """Rows from the texels of fronts to those of backs, (O,) int32; 0 where backs have none. None: nowhere."""
     deepest: np.ndarray | None = None
     """Coarsest level that may be read at each texel (`golden_model.charts.read_levels`), (N,) uint8; None: any."""
 
@@ -73,6 +76,23 @@ def lightmap_coordinates(lightmaps: Lightmaps, primitive: np.ndarray, u: np.ndar
     """Where hits (triangle (N,), barycentrics (N,)) lie in their object's map: (N, 2) float32, in texels."""
     corners = lightmaps.uv[primitive]
     return interpolate(corners[:, 0], corners[:, 1], corners[:, 2], u, v)
+
+
+@quiet
+def on_side(lightmaps: Lightmaps, object_id: np.ndarray, uv: np.ndarray, front: np.ndarray) -> np.ndarray:
+    """Coordinates (N, 2) of fronts of objects (N,) to those of the side that is seen, the front or not (N,)."""
+    if lightmaps.back_rows is None:
+        return uv
+    rows = np.where(front, 0, lightmaps.back_rows[object_id]).astype(np.float32)
+    return np.stack([uv[:, 0], flush(uv[:, 1] + rows)], axis=1)
+
+
+def back_rows_of(lightmaps: Lightmaps, scene: Scene) -> np.ndarray | None:
+    """`Lightmaps.back_rows` of a scene's two-sided triangles, 0 for others: (T,) float32; None where there are none."""
+    if lightmaps.back_rows is None:
+        return None
+    rows = lightmaps.back_rows[scene.object_id].astype(np.float32)
+    return np.where(scene.two_sided[scene.material], rows, np.float32(0))
 
 
 @dataclass(frozen=True, kw_only=True)

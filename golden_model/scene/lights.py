@@ -1,4 +1,7 @@
-"""Direct light: samples of area and point lights, as shadow rays and what each brings if nothing is in its way.
+"""Direct light: samples of lights, as shadow rays and what each brings if nothing is in its way.
+
+There are area lights, point lights (with a cone: spot lights), the sun, and the sky where that is worth it
+(`SkyTable.sampled`). What lies beyond the scene is a direction instead of a place: its rays have no end.
 
 The irradiance at a point is the sum of the weights of the shadow rays that are not blocked. Rays and weights come
 first, so that the caller can count rays against a budget, trace them together with others, and add up afterwards.
@@ -11,15 +14,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import RAY
+from lightloom.golden_model.contract.formats import CONE, RAY
 from lightloom.golden_model.numerics.counter_rng import hash_u32, uniform
-from lightloom.golden_model.numerics.directions import sobol
+from lightloom.golden_model.numerics.directions import COUNT, cosine_table, sobol
 from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.vectors import add, cross, scale, subtract
 from lightloom.golden_model.numerics.vectors import dot as dot4
+from lightloom.golden_model.scene.distant_lights import POINT, SKY, SUN, TRIANGLE, distant_lights
+from lightloom.golden_model.scene.environment import Sun
 from lightloom.golden_model.scene.mesh import area_vectors, dot
+from lightloom.golden_model.scene.octahedral import on_octahedron
 from lightloom.golden_model.scene.ray_offset import ray_start
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.scene.sky import TABLE_SIDE, SkyTable, luminance
 
 _INVERSE_PI = np.float32(0.31830987)
 
@@ -31,74 +38,132 @@ WEIGHT_BITS = 31
 
 @dataclass(frozen=True, kw_only=True)
 class Lights:
-    """The K lights of a scene: its emissive triangles in their order, then its point lights."""
+    """The K lights of a scene: its emissive triangles in their order, its point lights, its sun, its sky."""
 
+    kind: np.ndarray
+    """TRIANGLE, POINT, SUN or SKY, (K,) uint8."""
     origin: np.ndarray
-    """First corner, or position of a point light, (K, 3) float32."""
+    """First corner, position of a point light, direction to the middle of the sun, (K, 3) float32."""
     edge1: np.ndarray
-    """Second corner minus the first, (K, 3) float32, zero for a point light."""
+    """Second corner minus the first, the sun's radius in one direction, (K, 3) float32, zero for others."""
     edge2: np.ndarray
-    """Third corner minus the first, (K, 3) float32, zero for a point light."""
+    """Third corner minus the first, the sun's radius in the other direction, (K, 3) float32, zero for others."""
     doubled: np.ndarray
-    """edge1 x edge2: the normal, as long as twice the area; (K, 3) float32, zero for a point light."""
+    """edge1 x edge2 of a triangle: its normal, as long as twice the area; (K, 3) float32, zero for others."""
     unit: np.ndarray
-    """Unit normal, (K, 3) float32, zero for a point light."""
+    """Unit normal of a triangle, (K, 3) float32, zero for others."""
     span: np.ndarray
-    """`Scene.spans` of a triangle, (K,) float32, 0 for a point light."""
+    """`Scene.spans` of a triangle, (K,) float32, 0 for others."""
     emitted: np.ndarray
-    """Radiance of a triangle, radiant intensity of a point light, (K, 3) float32."""
-    point: np.ndarray
-    """Which are point lights, (K,) bool."""
+    """Radiance of a triangle or the sun (irradiance if it has no size), radiant intensity of a point light; (K, 3)
+    float32, zero for the sky."""
+    cone: np.ndarray | None
+    """CONE (K,), all around for what is no spot light; None where there is none."""
     begin: np.ndarray
     """A light k is chosen for whole numbers begin[k] <= x < begin[k + 1], (K + 1,) uint64."""
     share: np.ndarray
-    """One over the chance to be chosen, (K,) float32; for triangles halved, because `doubled` is twice the area."""
+    """One over the chance to be chosen, (K,) float32; for triangles halved, because `doubled` is twice the area; for a
+    sun times the area of its disc one unit off."""
     of_triangle: np.ndarray
     """The light that each triangle of the scene is, (T,) int32, -1 where it does not shine."""
+    sun: Sun | None
+    """Where there is one that can be met."""
+    sky: SkyTable | None
 
     def __len__(self) -> int:
-        return len(self.point)
+        return len(self.kind)
+
+    @property
+    def distant(self) -> bool:
+        """Whether rays that leave the scene can bring light."""
+        return self.sun is not None or self.sky is not None
 
 
-def lights_of(scene: Scene) -> Lights:
-    """The lights of a scene (K may be 0). The chance of a light goes with its power: area or 4, times luminance."""
+def lights_of(scene: Scene, sky_side: int = TABLE_SIDE) -> Lights:
+    """The lights of a scene (K may be 0). The chance of a light goes with its power: area or 4, times luminance.
+
+    What a triangle emits is the mean over it, where its emission has a texture.
+
+    `sky_side` is that of the table of its sky, a power of two: larger than hardware's for converged answers.
+    """
     emission = scene.emission[scene.material]
+    if scene.emission_share is not None:
+        emission = flush(emission * scene.emission_share)
     shining = np.flatnonzero((emission > 0).any(axis=1))
     corners = scene.corners[shining]
-    points = scene.point_lights[(scene.point_lights["intensity"] > 0).any(axis=1)]
+    lit = (scene.point_lights["intensity"] > 0).any(axis=1)
+    points, cones = scene.point_lights[lit], scene.cones[lit] if len(scene.cones) else None
+    sky, distant = distant_lights(scene, sky_side)
     nothing = np.zeros((len(points), 3), dtype=np.float32)
+    none = np.zeros((len(points) + len(distant), 3), dtype=np.float32)
     edge1 = np.concatenate([subtract(corners[:, 1], corners[:, 0]), nothing])
     edge2 = np.concatenate([subtract(corners[:, 2], corners[:, 0]), nothing])
     doubled = cross(edge1, edge2)
-    point = np.arange(len(edge1)) >= len(shining)
     emitted = np.concatenate([emission[shining], points["intensity"]]).astype(np.float32)
 
     vectors = area_vectors(corners)
-    size = np.concatenate([np.sqrt(dot(vectors, vectors)) / 2, np.full(len(points), 4.0)])
-    wide = emitted.astype(np.float64)
-    power = size * (0.2126 * wide[:, 0] + 0.7152 * wide[:, 1] + 0.0722 * wide[:, 2])
-    # The strongest gets 2**bits, the weakest at least 1, and together they stay below 2**WEIGHT_BITS.
-    bits = WEIGHT_BITS - 1 - int(np.frexp(max(len(power), 1))[1])
-    weight = np.maximum(np.rint(power / power.max(initial=1e-300) * 2.0**bits), 1).astype(np.uint64)
-    begin = np.concatenate([[0], np.cumsum(weight)]).astype(np.uint64)
-    share = begin[-1].astype(np.float64) / weight.astype(np.float64) * np.where(point, 1.0, 0.5)
+    size = np.concatenate([np.sqrt(dot(vectors, vectors)) / 2, _balls(points, cones)])
+    power = np.concatenate([size * luminance(emitted.astype(np.float64)), [each.power for each in distant]])
+    begin = _begin(power)
+    kind = [TRIANGLE] * len(shining) + [POINT] * len(points) + [each.kind for each in distant]
+    measure = [0.5] * len(shining) + [1.0] * len(points) + [each.area for each in distant]
+    share = begin[-1].astype(np.float64) / np.diff(begin).astype(np.float64) * np.array(measure)
     # Unit normals by way of float64: the squares of small triangles' areas would be flushed.
     unit = vectors / np.sqrt(dot(vectors, vectors))[:, None]
     of_triangle = np.full(len(scene.triangles), -1, dtype=np.int32)
     of_triangle[shining] = np.arange(len(shining))
+    sun = scene.environment.sun
     return Lights(
-        origin=np.concatenate([corners[:, 0], points["position"]]),
-        edge1=edge1,
-        edge2=edge2,
-        doubled=doubled,
-        unit=np.concatenate([unit.astype(np.float32), nothing]),
-        span=np.concatenate([scene.spans[shining], nothing[:, 0]]),
-        emitted=emitted,
-        point=point,
+        kind=np.array(kind, dtype=np.uint8),
+        origin=_rows(corners[:, 0], points["position"], [each.towards for each in distant]),
+        edge1=_rows(edge1, [each.edge1 for each in distant]),
+        edge2=_rows(edge2, [each.edge2 for each in distant]),
+        doubled=np.concatenate([doubled, none[len(points) :]]),
+        unit=np.concatenate([unit.astype(np.float32), none]),
+        span=np.concatenate([scene.spans[shining], none[:, 0]]),
+        emitted=_rows(emitted, [each.emitted for each in distant]),
+        cone=None if cones is None else _all_around(len(shining), cones, len(distant)),
         begin=begin,
         share=share.astype(np.float32),
         of_triangle=of_triangle,
+        sun=sun if sun is not None and sun.radius > 0 else None,
+        sky=sky,
     )
+
+
+def light_count(scene: Scene) -> int:
+    """The lights that a scene has in any frame, K at most."""
+    shining = int((scene.emission[scene.material] > 0).any(axis=1).sum())
+    return shining + len(scene.point_lights) + len(distant_lights(scene, TABLE_SIDE)[1])
+
+
+def _balls(points: np.ndarray, cones: np.ndarray | None) -> np.ndarray:
+    """What power goes with for POINT_LIGHT (P,): 4, and of a spot light the part of all directions that it has."""
+    if cones is None:
+        return np.full(len(points), 4.0)
+    middle = cones["outer"].astype(np.float64) + 0.5 / cones["steepness"].astype(np.float64)
+    return np.where(cones["axis"].any(axis=1), 2 * (1 - middle), 4.0)
+
+
+def _all_around(before: int, cones: np.ndarray, after: int) -> np.ndarray:
+    """CONE (P,) between so many lights that are no spot lights."""
+    out = np.zeros(before + len(cones) + after, dtype=CONE)
+    out["outer"], out["steepness"] = -1, 1
+    out[before : before + len(cones)] = cones
+    return out
+
+
+def _rows(*parts: np.ndarray | list[np.ndarray]) -> np.ndarray:
+    """Vectors (n, 3), in arrays and lists, below each other: (N, 3) float32."""
+    return np.concatenate([np.asarray(part, dtype=np.float32).reshape(-1, 3) for part in parts])
+
+
+def _begin(power: np.ndarray) -> np.ndarray:
+    """Sums of whole-number weights (K + 1,) uint64 that go with powers (K,)."""
+    # The strongest gets 2**bits, the weakest at least 1, and together they stay below 2**WEIGHT_BITS.
+    bits = WEIGHT_BITS - 1 - int(np.frexp(max(len(power), 1))[1])
+    weight = np.maximum(np.rint(power / power.max(initial=1e-300) * 2.0**bits), 1).astype(np.uint64)
+    return np.concatenate([[0], np.cumsum(weight)]).astype(np.uint64)
 
 
 @quiet
@@ -134,36 +199,95 @@ def direct_candidates(
     weight = np.zeros((count, samples, 3), dtype=np.float32)
     if not len(lights) or not count:
         return rays, weight
-    light, u, v = _choose(lights, np.asarray(key), np.asarray(first), samples)
-
-    target = add(lights.origin[light], add(scale(lights.edge1[light], u), scale(lights.edge2[light], v)))
-    toward = subtract(target, start[:, None, :])
+    light, x, y = _choose(lights, np.asarray(key), np.asarray(first), samples)
+    target = _sampled(lights, light, x, y)
+    beyond = lights.kind[light] >= SUN
+    toward = np.where(beyond[..., None], target, subtract(target, start[:, None, :]))
     factor = _transfer(lights, light, toward, np.broadcast_to(normal[:, None, :], toward.shape))
     lit = factor > 0
     odds = _odds(factor, np.asarray(rivals, dtype=np.float32)[..., None])
-    factor = np.where(lights.point[light], factor, flush(factor / flush(np.float32(1) + odds)))
-    weight[...] = scale(lights.emitted[light], flush(factor / np.float32(samples)))
+    factor = np.where(_met(lights)[light], flush(factor / flush(np.float32(1) + odds)), factor)
+    emitted = lights.emitted[light]
+    if lights.sky is not None and lights.sky.sampled:
+        emitted = np.where((lights.kind[light] == SKY)[..., None], lights.sky.map.nearest(toward), emitted)
+    weight[...] = scale(emitted, flush(factor / np.float32(samples)))
 
     rays["origin"] = start[:, None, :]
-    rays["direction"] = subtract(_in_front(lights, light, target, toward), start[:, None, :])
-    rays["t_max"] = lit
+    near = subtract(_in_front(lights, light, target, toward), start[:, None, :])
+    rays["direction"] = np.where(beyond[..., None], toward, near)
+    rays["t_max"] = np.where(beyond & lit, np.float32(np.inf), lit)
     return rays, weight
+
+
+def _met(lights: Lights) -> np.ndarray:
+    """Which lights cosine-distributed rays can meet, (K,) bool."""
+    return (lights.kind == TRIANGLE) | (lights.kind == SKY) | ((lights.kind == SUN) & (lights.sun is not None))
+
+
+def _sampled(lights: Lights, light: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Places on lights (...) for uint32 fractions x and y (...), or directions to them: (..., 3) float32.
+
+    A triangle is half the unit square: points beyond its diagonal are folded back. The disc of the sun is that below
+    the cosine table, whose aligned runs are spread over it: the fraction's bits in reverse order are the entry, so that
+    fractions that are spread make such runs. The sky has a table of its own.
+    """
+    u, v = uniform(x), uniform(y)
+    fold, one = u + v > 1, np.float32(1)
+    u, v = np.where(fold, one - u, u), np.where(fold, one - v, v)
+    kind = lights.kind[light]
+    if lights.sun is not None:
+        disc = cosine_table()[_reversed(x, COUNT.bit_length() - 1)]
+        u, v = (np.where(kind == SUN, disc[..., k], value) for k, value in ((0, u), (1, v)))
+    target = add(lights.origin[light], add(scale(lights.edge1[light], u), scale(lights.edge2[light], v)))
+    if lights.sky is not None and lights.sky.sampled:
+        target = np.where((kind == SKY)[..., None], lights.sky.choose(x, y), target)
+    return target
+
+
+def _reversed(x: np.ndarray, bits: int) -> np.ndarray:
+    """The upper `bits` of uint32 numbers (...), in reverse order, (...) int64."""
+    out = np.zeros(x.shape, dtype=np.int64)
+    for k in range(bits):
+        out |= ((x >> np.uint32(31 - k)) & np.uint32(1)).astype(np.int64) << k
+    return out
 
 
 @quiet
 def _transfer(lights: Lights, light: np.ndarray, toward: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """Irradiance a unit of emission from sampled points of lights, over the density of the sample: (...) float32.
 
-    `toward` (..., 3) leads from the lit points, with unit `normal` (..., 3), to the samples. For a triangle this is
+    `toward` (..., 3) leads from the lit points, with unit `normal` (..., 3), to the samples; to those of the sun as far
+    as the plane of its disc one unit off, to those of the sky as far as the octahedron. For a triangle this is
     cosine * cosine / distance**2 * area over the light's chance. Zero where either side faces away.
     """
     square = dot4(toward, toward)
     incoming = flush(dot4(normal, toward) / square)
     outgoing = flush(dot4(-lights.doubled[light], toward) / square)
-    # A point light has no cosine of its own: 1 / distance stands in for what `outgoing` is for a triangle.
-    outgoing = np.where(lights.point[light], flush(np.float32(1) / np.sqrt(square)), outgoing)
-    factor = flush(flush(incoming * outgoing) * lights.share[light])
+    # A point light has no cosine of its own: 1 / distance stands in for what `outgoing` is for a triangle. Beyond the
+    # scene it is 1 / distance**2, because solid angles go with distance**-3 on plane and octahedron.
+    kind, one = lights.kind[light], np.float32(1)
+    outgoing = np.where(kind == POINT, flush(one / np.sqrt(square)), outgoing)
+    if (kind >= SUN).any():
+        outgoing = np.where(kind >= SUN, flush(one / square), outgoing)
+    share = lights.share[light]
+    if lights.sky is not None and lights.sky.sampled:
+        share = np.where(kind == SKY, flush(share * lights.sky.share_at(toward)), share)
+    if lights.cone is not None:
+        share = flush(share * _into_cone(lights.cone[light], flush(toward * outgoing[..., None])))
+    factor = flush(flush(incoming * outgoing) * share)
     return np.where((incoming > 0) & (outgoing > 0) & np.isfinite(factor), factor, np.float32(0))
+
+
+@quiet
+def _into_cone(cone: np.ndarray, toward: np.ndarray) -> np.ndarray:
+    """What CONE (...) leave of the light that comes from where unit vectors `toward` (..., 3) lead: 0 to 1, (...).
+
+    x**2 (3 - 2 x) across the edge, x its part of the way from the outer cosine to the inner one.
+    """
+    zero, one = np.zeros(1, dtype=np.float32), np.ones(1, dtype=np.float32)
+    place = flush(flush(-dot4(cone["axis"], toward) - cone["outer"]) * cone["steepness"])
+    place = float_minmax(float_minmax(place, zero, True), one)
+    return flush(flush(place * place) * flush(np.float32(3) - flush(place + place)))
 
 
 @quiet
@@ -208,20 +332,55 @@ def met_emission(
     light = lights.of_triangle[primitive[shines]]
     factor = _transfer(lights, light, toward[shines], normal[shines])
     odds = _odds(factor, np.broadcast_to(np.asarray(rivals, dtype=np.float32), len(primitive))[shines])
-    one = np.float32(1)
-    share = flush(one - flush(one / flush(one + odds)))
-    radiance[shines] = scale(lights.emitted[light], share)
+    radiance[shines] = scale(lights.emitted[light], _left_over(odds))
     return radiance
+
+
+@quiet
+def met_beyond(
+    lights: Lights, direction: np.ndarray, normal: np.ndarray, rivals: np.ndarray | np.float32
+) -> np.ndarray:
+    """Radiance (N, 3) that cosine-distributed rays of `direction` (N, 3) count that meet nothing, (N, 3) float32.
+
+    `normal` and `rivals` as for `met_emission`. Of a sky that light samples do not choose it is all.
+    """
+    radiance = np.zeros(direction.shape, dtype=np.float32)
+    rivals = np.broadcast_to(np.asarray(rivals, dtype=np.float32), len(direction))
+    if lights.sky is not None:
+        toward = on_octahedron(direction)
+        radiance = lights.sky.map.nearest(toward)
+        if lights.sky.sampled:
+            radiance = scale(radiance, _left(lights, SKY, toward, normal, rivals))
+    if lights.sun is not None:
+        disc = np.flatnonzero(lights.sun.seen(direction))
+        toward = scale(direction[disc], np.float32(1) / dot4(lights.sun.towards, direction[disc]))
+        left = _left(lights, SUN, toward, normal[disc], rivals[disc])
+        radiance[disc] = add(radiance[disc], scale(lights.sun.radiance[None], left))
+    return radiance
+
+
+def _left(lights: Lights, kind: int, toward: np.ndarray, normal: np.ndarray, rivals: np.ndarray) -> np.ndarray:
+    """What light samples leave to rays `toward` (N, 3) the only light of a kind: 0 to 1, (N,) float32."""
+    number = np.flatnonzero(lights.kind == kind)
+    if not len(number):
+        return np.zeros(len(toward), dtype=np.float32)
+    factor = _transfer(lights, np.full(len(toward), number[0]), toward, normal)
+    return _left_over(_odds(factor, rivals))
+
+
+def _left_over(odds: np.ndarray) -> np.ndarray:
+    """1 - 1 / (1 + odds)."""
+    one = np.float32(1)
+    return flush(one - flush(one / flush(one + odds)))
 
 
 def _choose(
     lights: Lights, key: np.ndarray, first: np.ndarray, samples: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Light (N, S) int64 and barycentrics u, v (N, S) float32 on it.
+    """Light (N, S) int64, and two uint32 fractions (N, S) that choose the place on it.
 
     Points of the Sobol' sequence, xored with two hashes of the key. The first coordinate chooses the light; where it
-    fell within the light's share serves again as the first coordinate on the triangle. Points of the unit square
-    beyond its diagonal are folded back into the triangle.
+    fell within the light's share serves again as the first coordinate on the light.
     """
     x, y = sobol(first[..., None] + np.arange(samples))
     x = np.broadcast_to(x ^ hash_u32(key, 0)[:, None], (len(key), samples)).astype(np.uint64)
@@ -229,8 +388,4 @@ def _choose(
     scaled = x * lights.begin[-1]
     light = np.searchsorted(lights.begin, scaled >> np.uint64(32), side="right") - 1
     within = scaled - (lights.begin[light] << np.uint64(32))
-    u = uniform((within // (lights.begin[light + 1] - lights.begin[light])).astype(np.uint32))
-    v = uniform(y)
-    fold = u + v > 1
-    one = np.float32(1)
-    return light, np.where(fold, one - u, u), np.where(fold, one - v, v)
+    return light, (within // (lights.begin[light + 1] - lights.begin[light])).astype(np.uint32), y

@@ -68,6 +68,17 @@ def shading_normals(corners: np.ndarray) -> np.ndarray:
     return (total / np.sqrt(dot(total, total))[:, None]).reshape(corners.shape).astype(np.float32)
 
 
+def closed(corners: np.ndarray) -> bool:
+    """Whether triangles (F, 3, 3) enclose something: nobody sees their backs from outside.
+
+    Along each edge as many go one way as the other.
+    """
+    point, _ = numbered(corners.reshape(-1, 3))
+    begin = point.reshape(-1, 3).astype(np.int64)
+    end, count = np.roll(begin, -1, axis=1), int(point.max()) + 1
+    return bool((np.sort((begin * count + end).reshape(-1)) == np.sort((end * count + begin).reshape(-1))).all())
+
+
 def without_area(corners: np.ndarray) -> np.ndarray:
     """Which triangles (F, 3, 3) have their points on a line as far as float32 coordinates can tell, (F,) bool."""
     area = area_vectors(corners)

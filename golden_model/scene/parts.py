@@ -34,10 +34,15 @@ class Part:
     """Unit normals at the corners, (F, 3, 3) float32, or None: derived by `shading_normals`."""
     surface: int = DIFFUSE
     """DIFFUSE, MIRROR or GLASS, of all its materials."""
+    two_sided: bool = False
+    """Whether its diffuse surfaces reflect on their backs, too, with maps of their own."""
     ior: float = DEFAULT_IOR
     """Index of refraction, where it is glass."""
     texture: np.ndarray | None = None
     """Linear RGB, (H, W, 3) float32, of all its materials; multiplies the albedo."""
+    emission_texture: np.ndarray | None = None
+    """Linear RGB, (H, W, 3) float32, of all its materials, as large as `texture` if there are both; multiplies the
+    emission."""
     texture_uv: np.ndarray | None = None
     """Texture coordinates at the corners, (F, 3, 2) float32; None: (0, 0) everywhere."""
     path: ObjectPath | None = None

@@ -1,9 +1,9 @@
 """A scene in memory: triangles, objects, materials, lights and a camera.
 
 Conventions, everywhere in Lightloom: right-handed world coordinates; a triangle's front is the side from which its
-vertices run counter-clockwise, so its normal is (v1 - v0) x (v2 - v0); diffuse surfaces reflect on both sides, mirrors
-and glass have no lightmap; area lights shine from their front only. Radiance, irradiance and so on are RGB in W, m and
-sr as far as the scene's own unit of length is taken for the metre.
+vertices run counter-clockwise, so its normal is (v1 - v0) x (v2 - v0); diffuse surfaces have lightmaps on their front,
+on both sides if they are two-sided, mirrors and glass have none; area lights shine from their front only. Radiance,
+irradiance and so on are RGB in W, m and sr as far as the scene's own unit of length is taken for the metre.
 
 A scene as loaded is at *rest*: every object where its file puts it. `pose.scene_at` gives the scene of a frame, in
 which objects, lights and camera are moved along their paths (golden_model/scene/keyframes.py); it is a function of
@@ -15,12 +15,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import POINT_LIGHT
+from lightloom.golden_model.contract.formats import CONE, POINT_LIGHT
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.scene.environment import Environment
 from lightloom.golden_model.scene.keyframes import LightPath, ObjectPath, segment
 from lightloom.golden_model.scene.parts import DIFFUSE
 from lightloom.golden_model.scene.ray_offset import spans
+from lightloom.golden_model.scene.texture_means import mean_over
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,12 +83,16 @@ class Scene:
     """Radiance that each material's front side emits, (M, 3) float32, at this frame."""
     surface: np.ndarray
     """DIFFUSE, MIRROR or GLASS of each material, (M,) uint8."""
+    two_sided: np.ndarray
+    """Which materials reflect on both sides, (M,) bool: diffuse ones of objects whose backs can be seen."""
     ior: np.ndarray
     """Index of refraction of each material, (M,) float32; of use for GLASS."""
     texture: np.ndarray
     """Texture of each material, (M,) int32, an index into `textures`; -1: none."""
+    emission_texture: np.ndarray
+    """The same for what multiplies the emission; of the same size as the other where a material has both."""
     textures: tuple[np.ndarray, ...] = ()
-    """Linear RGB, (H, W, 3) float32 each; row 0 is at the bottom, v = 0. The albedo multiplies them."""
+    """Linear RGB, (H, W, 3) float32 each; row 0 is at the bottom, v = 0. Albedo and emission multiply them."""
     section: np.ndarray
     """Chart of each triangle in its object's map, (T,) int32, of an object that has been cut (`cuts`); -1 of others."""
     texture_uv: np.ndarray
@@ -96,6 +101,8 @@ class Scene:
     """Object of each material, (M,) int32: every object has materials of its own."""
     point_lights: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=POINT_LIGHT))
     """POINT_LIGHT (P,)."""
+    cones: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=CONE))
+    """What each point light shines into, CONE (P,); empty where none is a spot light."""
     camera: Camera
     """Of a frame's scene its camera; of the scene at rest where it is seen from if there is no path."""
     camera_path: tuple[Keyframe, ...] = ()
@@ -115,7 +122,7 @@ class Scene:
     present: np.ndarray
     """(O,) bool. The triangles of an absent object have NaN vertices: no ray and no pixel meets them."""
     environment: Environment = field(default_factory=Environment)
-    """Where it lies. Nothing is lit by it yet: what renders refuses a scene that has one (`require_light`)."""
+    """What it lies in."""
     render: RenderDefaults = field(default_factory=RenderDefaults)
     """How it is meant to be rendered."""
     coarse: "Scene | None" = None
@@ -157,6 +164,24 @@ class Scene:
         """Which objects have lightmaps: those with a diffuse material, (O,) bool."""
         out = np.zeros(len(self.object_names), dtype=bool)
         out[self.material_object[self.surface == DIFFUSE]] = True
+        return out
+
+    def reflects(self, primitive: np.ndarray, front: np.ndarray) -> np.ndarray:
+        """Whether triangles (N,) are diffuse, and reflect on the side that is seen, their front or not (N,): bool."""
+        material = self.material[primitive]
+        return np.asarray((self.surface[material] == DIFFUSE) & (front | self.two_sided[material]))
+
+    @functools.cached_property
+    def emission_share(self) -> np.ndarray | None:
+        """The mean of the emission's texture over each triangle, 1 without one: (T, 3) float32; None: none has one."""
+        if self.rest is not None:
+            return self.rest.emission_share
+        texture = self.emission_texture[self.material]
+        if not (texture >= 0).any():
+            return None
+        out = np.ones((len(texture), 3), dtype=np.float32)
+        for number in np.flatnonzero(texture >= 0):
+            out[number] = mean_over(self.textures[texture[number]], self.texture_uv[number])
         return out
 
     @functools.cached_property
@@ -212,6 +237,14 @@ class Scene:
         return out
 
     @functools.cached_property
+    def half_extent(self) -> float:
+        """Half of the longest side of the box around all triangles at rest."""
+        if self.rest is not None:
+            return self.rest.half_extent
+        corners = self.corners.reshape(-1, 3)
+        return float((corners.max(axis=0) - corners.min(axis=0)).max()) / 2
+
+    @functools.cached_property
     def spans(self) -> np.ndarray:
         """What the distance at which rays start goes with, of each triangle: (T,) float32, the same in all frames."""
         return spans(self.corners) if self.rest is None else self.rest.spans
@@ -231,11 +264,9 @@ class Scene:
 
 
 def require_light(scene: Scene) -> None:
-    """Raises InputError where nothing in the scene shines in any frame, or something that cannot be rendered yet."""
-    if scene.environment:
-        raise InputError(f"{scene.name}: nothing can be lit by a [sky] or [sun] yet; leave them out")
-    if not (scene.brightest or scene.brightest_lights):
+    """Raises InputError where nothing in the scene shines in any frame."""
+    if not (scene.brightest or scene.brightest_lights or scene.environment.shines):
         raise InputError(
             f"{scene.name}: the scene has no light; give a material emission (MTL: Ke, glTF: emissiveFactor) "
-            "or write a scene file (TOML) with a [[point_light]]"
+            "or write a scene file (TOML) with a [[point_light]] or a [sky]"
         )

@@ -87,10 +87,10 @@ def build_textures(pictures: tuple[np.ndarray, ...]) -> Textures | None:
 def texel_coordinates(scene: Scene, primitive: np.ndarray) -> np.ndarray:
     """Texture coordinates of the corners of triangles (N,), in texels of the finest level, (N, 3, 2) float32.
 
-    (0, 0) where a triangle has no texture.
+    (0, 0) where a triangle has no texture; its emission's is as large as that of its albedo.
     """
     sizes = np.array([(0, 0), *((p.shape[1], p.shape[0]) for p in scene.textures)], dtype=np.float32)
-    size = sizes[scene.texture[scene.material[primitive]] + 1]
+    size = sizes[np.where(scene.texture >= 0, scene.texture, scene.emission_texture)[scene.material[primitive]] + 1]
     return flush(scene.texture_uv[primitive] * size[:, None, :])
 
 

@@ -200,7 +200,7 @@ SCENE_ONLY = ("scene", "budget", "exposure")
 def _suite(options: PoliciesOptions) -> None:
     """All layouts, side by side."""
     from lightloom.golden_model.scene.scene import RenderDefaults
-    from lightloom.golden_model.stimuli.layouts.catalogue import READABLE, SEEDS
+    from lightloom.golden_model.stimuli.layouts.catalogue import LAYOUTS, SEEDS
     from lightloom.golden_model.stimuli.layouts.description import FRAMES as SUITE_FRAMES
     from lightloom.golden_model.stimuli.layouts.description import SIZE as SUITE_SIZE
     from lightloom.policies.case import cases
@@ -209,7 +209,7 @@ def _suite(options: PoliciesOptions) -> None:
 
     if not 1 <= options.seeds <= len(SEEDS):
         raise InputError(f"--seeds {options.seeds}: must be 1 to {len(SEEDS)}")
-    names = [choose(name, READABLE, "layout") for name in (options.layouts or ",".join(READABLE)).split(",")]
+    names = [choose(name, LAYOUTS, "layout") for name in (options.layouts or ",".join(LAYOUTS)).split(",")]
     own = RenderDefaults(frames=SUITE_FRAMES, size=(SUITE_SIZE[0], SUITE_SIZE[1]))
     comparison = _comparison(replace(options, scene="", names=options.names or ",".join(SUITE_POLICIES)), own)
     command = f"lightloom policies --suite --layouts {','.join(names)} --seeds {options.seeds}"

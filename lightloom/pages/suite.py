@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from lightloom.gen.pages.suite_page import columns_of, markdown_table
-from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, READABLE, SEEDS
+from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, LAYOUTS, SEEDS
 from lightloom.pages.results import table
 from lightloom.policies.bars import bars
 from lightloom.policies.suite import geometric_means
@@ -47,7 +47,7 @@ def page(report: Mapping[str, Any]) -> str:
     means = ", ".join(f"{name} {mean:.3f}" for name, mean in geometric_means(rows).items() if name != names[0])
     preamble = PREAMBLE.format(
         count=len(report["cases"]),
-        whole=len(READABLE) * len(BUDGETS) * len(SEEDS),
+        whole=len(LAYOUTS) * len(BUDGETS) * len(SEEDS),
         commands=commands_at([(report["command"], report["versions"])]),
         machine=f"{report['machine']['processor']}, {report['machine']['cores']} cores.",
         first=names[0],

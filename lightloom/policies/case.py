@@ -15,7 +15,7 @@ from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.host.fingerprint import fingerprint
 from lightloom.golden_model.host.outputs import whole_folder
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, READABLE, SEEDS, write_layout
+from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, LAYOUTS, SEEDS, write_layout
 from lightloom.golden_model.tracing.bvh.structure import Structure
 from lightloom.policies.comparison import write_comparison
 from lightloom.policies.options import Comparison
@@ -53,7 +53,7 @@ class Case:
         return f"{CASES}/{self.name}-{key_of(fingerprint(__name__), repr(options), self.name)}"
 
 
-def cases(layouts: Iterable[str] = READABLE, seeds: Iterable[int] = SEEDS) -> list[Case]:
+def cases(layouts: Iterable[str] = LAYOUTS, seeds: Iterable[int] = SEEDS) -> list[Case]:
     """Of each layout each budget and seed."""
     return [Case(layout, budget, seed) for layout in layouts for budget in BUDGETS for seed in seeds]
 

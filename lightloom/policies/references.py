@@ -62,6 +62,7 @@ def _key(scene: Scene, lightmaps: Lightmaps, options: str) -> str:
     arrays = (
         *(scene.triangles, scene.normals, scene.object_id, scene.material, scene.albedo, scene.emission),
         *(scene.surface, scene.ior, scene.texture, scene.texture_uv, scene.point_lights, *scene.textures),
+        *(scene.emission_texture, scene.two_sided, scene.cones, *scene.environment.arrays),
         *(lightmaps.texels, lightmaps.chart, lightmaps.fill, lightmaps.uv),
         *(lightmaps.offset, lightmaps.width, lightmaps.height),
     )

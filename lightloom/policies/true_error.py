@@ -98,7 +98,9 @@ def _key(scene: Scene, gbuffer: np.ndarray, samples: int) -> str:
     """A name for the light of a frame, what its pixels see of it, the number of paths and the program."""
     digest = hashlib.sha256()
     arrays = (scene.triangles, scene.normals, scene.material, scene.albedo, scene.emission, scene.point_lights)
-    for array in (*arrays, *(gbuffer[name] for name in ("primitive", "u", "v", "front"))):
+    others = (scene.two_sided, scene.cones, *scene.environment.arrays)
+    seen = (gbuffer[name] for name in ("primitive", "u", "v", "front"))
+    for array in (*arrays, *others, *seen):
         digest.update(f"{array.shape} {array.dtype}\n".encode() + np.ascontiguousarray(array).tobytes())
     return key_of(fingerprint(oracle.__name__), str(SEEDS), str(samples), digest.hexdigest())
 

@@ -1,5 +1,6 @@
 """Scenes and irradiance in Mitsuba 3, which nobody here wrote: what the model's light is compared with."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,15 @@ def mitsuba() -> Any:
     return mi
 
 
-def mitsuba_scene(mi: Any, scene: Scene) -> Any:
-    """The same triangles with their normals, materials and lights, objects as meshes."""
+Shade = Callable[[np.ndarray], np.ndarray]
+"""Directions (..., 3) to radiance (..., 3)."""
+
+
+def mitsuba_scene(mi: Any, scene: Scene, sky: Shade | None = None) -> Any:
+    """The same triangles with their normals, materials and lights, objects as meshes.
+
+    `sky` is what the scene's sky is a picture of; a sun has no size there.
+    """
     content: dict[str, Any] = {"type": "scene", "integrator": {"type": "path", "max_depth": 64, "rr_depth": 8}}
     for number in range(len(scene.object_names)):
         mine = scene.object_id == number
@@ -36,11 +44,31 @@ def mitsuba_scene(mi: Any, scene: Scene) -> Any:
         parameters["faces"] = np.arange(3 * len(corners), dtype=np.uint32)
         parameters.update()
         content[f"object{number}"] = mesh
+    if sky is not None:
+        content["sky"] = {"type": "envmap", "bitmap": mi.Bitmap(_picture(sky).astype(np.float32))}
+    if (sun := scene.environment.sun) is not None:
+        irradiance = {"type": "rgb", "value": sun.irradiance.tolist()}
+        content["sun"] = {"type": "directional", "direction": (-sun.towards).tolist(), "irradiance": irradiance}
     return mi.load_dict(content)
 
 
+def _picture(sky: Shade, height: int = 128) -> np.ndarray:
+    """A sky at the places of an `envmap`'s pixels: from pole to pole, and round from -z over +x."""
+    down = np.linspace(0, np.pi, height)[:, None]
+    right = np.arange(2 * height) * (np.pi / height)
+    flat = np.broadcast_to(np.cos(down), (height, 2 * height))
+    return sky(np.stack([np.sin(down) * np.sin(right), flat, -np.sin(down) * np.cos(right)], axis=-1))
+
+
 def mitsuba_irradiance(
-    mi: Any, scene: Scene, position: np.ndarray, normal: np.ndarray, material: np.ndarray, samples: int, seed: int
+    mi: Any,
+    scene: Scene,
+    position: np.ndarray,
+    normal: np.ndarray,
+    material: np.ndarray,
+    samples: int,
+    seed: int,
+    sky: Shade | None = None,
 ) -> np.ndarray:
     """Irradiance (N, 3) float64 at points (N, 3) with unit normals (N, 3), on surfaces of `material` (N,).
 
@@ -48,7 +76,7 @@ def mitsuba_irradiance(
     straight down; so Mitsuba samples the light at the point itself, where rays from the point would have to meet it by
     chance.
     """
-    loaded = mitsuba_scene(mi, scene)
+    loaded = mitsuba_scene(mi, scene, sky)
     integrator = loaded.integrator()
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(seed)

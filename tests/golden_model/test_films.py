@@ -24,7 +24,8 @@ from tests import ROOT
 from tests.golden_model.meshes import needs_bunny
 
 SCENES = ROOT / "scenes"
-FILMS = ["moving-viewpoint", "introduced-object", "light-switch", "door", "spheres"]
+INDOORS = ["moving-viewpoint", "introduced-object", "light-switch", "door", "spheres"]
+FILMS = [*INDOORS, "outdoor"]
 SIZE = 240, 160
 
 
@@ -93,7 +94,7 @@ def test_a_film_is_of_modest_size_and_says_how_to_render_it(name: str) -> None:
     assert 8_000 <= film(name).valid.sum() <= 30_000
 
 
-@pytest.mark.parametrize("name", FILMS)
+@pytest.mark.parametrize("name", INDOORS)
 def test_the_camera_sees_fronts_and_no_holes(name: str) -> None:
     last = film(name).scene.render.frames or 0
     for frame in range(0, last, last // 4):
@@ -135,6 +136,26 @@ def test_the_surface_keeps_the_light_from_the_object_below_it() -> None:
     assert light[0, 0] > 3 * light[2, 0], "shadow 467"
     tint = light[:, 0] / light[:, 2]
     assert tint[1] > 1.1 * tint[0], "reflection pattern 468: the surface's orange, near the surface"
+
+
+def test_the_van_brings_its_shadow_and_the_sky_is_over_all() -> None:
+    yard = film("outdoor")
+    (van,) = (k for k, path in enumerate(yard.scene.object_path) if path is not None)
+    sun = yard.scene.environment.sun
+    assert sun is not None
+    ground = yard.lightmaps.texels[(yard.lightmaps.texels["object"] == yard.of("ground")) & yard.valid]
+    shaded = []
+    for frame in (0, 44):
+        scene = scene_at(yard.scene, frame)
+        towards = np.broadcast_to(sun.towards, ground["position"].shape)
+        hits = Structure(scene).trace(rays(ground["position"], towards))
+        shaded.append((hits["primitive"] >= 0) & (scene.object_id[hits["primitive"]] == van))
+        seen = yard.gbuffer(frame)
+        assert 0.2 < (seen["object"] < 0).mean() < 0.5, "sky"
+        assert seen["front"][seen["object"] >= 0].all(), "backs are black"
+        assert (seen["object"] == van).any() == (frame == 44)
+    assert shaded[1].sum() > 50
+    assert not (shaded[0] & shaded[1]).any(), "it comes from elsewhere"
 
 
 def test_the_introduced_object_throws_its_reflection_on_the_shaded_part() -> None:

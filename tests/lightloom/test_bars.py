@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, READABLE, SEEDS
+from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, LAYOUTS, SEEDS
 from lightloom.policies.bars import Bar, against_before, bars
 
 
@@ -23,7 +23,7 @@ def report(**changes: Any) -> dict[str, Any]:
                 "influence": dict(good),
             },
         }
-        for layout in READABLE
+        for layout in LAYOUTS
         for budget in BUDGETS
         for seed in SEEDS
     ]
@@ -31,7 +31,7 @@ def report(**changes: Any) -> dict[str, Any]:
     return {"policies": list(cases[0]["policies"]), "cases": cases}
 
 
-LAST = list(READABLE)[-1] + "-plenty-2"
+LAST = list(LAYOUTS)[-1] + "-plenty-2"
 
 
 def named(report: dict[str, Any], words: str, before: dict[str, Any] | None = None) -> Bar:
@@ -72,7 +72,7 @@ def test_errors_of_layouts_are_means_of_seeds() -> None:
     assert bar.figure == pytest.approx((0.1 + 0.1 + 0.4) / 3 / 0.125)
     assert bar.where == LAST.removesuffix("-2")
     assert named(made, "single run").figure == pytest.approx(0.4 / 0.125)
-    rows = len(READABLE) * len(BUDGETS)
+    rows = len(LAYOUTS) * len(BUDGETS)
     assert named(made, "to that of round-robin").figure == pytest.approx(0.5 * 2 ** (1 / rows))
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from lightloom.gen.pages.suite_page import markdown_table
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, READABLE, SEEDS, write_layout
+from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, LAYOUTS, SEEDS, write_layout
 from lightloom.policies.case import cases
 from lightloom.policies.still import jump, still_frames
 from lightloom.policies.suite import geometric_means, table
@@ -21,7 +21,7 @@ SMALL = ["--frames", "3", "--size", "24x16", "--reference-rays", "16", "--seeds"
 
 def test_the_whole_suite_has_every_case() -> None:
     names = [case.name for case in cases()]
-    assert len(set(names)) == len(names) == len(READABLE) * len(BUDGETS) * len(SEEDS)
+    assert len(set(names)) == len(names) == len(LAYOUTS) * len(BUDGETS) * len(SEEDS)
 
 
 def test_cases_are_kept(cli: Run, tmp_path: Path) -> None:

@@ -26,13 +26,17 @@ _LUMINANCE_SHIFT = 4
 def fraction_bits(scene: Scene, balanced: bool) -> int:
     """Bits after the binary point for the accumulators of a scene at rest, for all its frames: 0 to 31.
 
-    A contribution saturates at 2**31 / 2**fraction: 2**6 times the brightest emission of an area light, or more, where
-    they are `balanced`, otherwise 2**10 times; and 2**10 times the irradiance of all point lights from half the scene's
-    longest side away. It is resolved to 2**-25, 2**-21 and 2**-21 of these or finer.
+    A contribution saturates at 2**31 / 2**fraction: 2**6 times the brightest emission of an area light and of the sky,
+    or more, where they are `balanced`, otherwise 2**10 times; and 2**10 times the irradiance of the sun, and of all
+    point lights from half the scene's longest side away. It is resolved to 2**-25, 2**-21 and 2**-21 of these or finer.
     """
     exponents = []
-    if scene.brightest > 0:
-        exponents.append(int(np.frexp(scene.brightest)[1]) + (BALANCED_HEADROOM_BITS if balanced else HEADROOM_BITS))
+    headroom = BALANCED_HEADROOM_BITS if balanced else HEADROOM_BITS
+    for brightest in (scene.brightest, scene.environment.brightest):
+        if brightest > 0:
+            exponents.append(int(np.frexp(brightest)[1]) + headroom)
+    if scene.environment.sun is not None and scene.environment.sun.irradiance.any():
+        exponents.append(int(np.frexp(scene.environment.sun.irradiance.max())[1]) + HEADROOM_BITS)
     if len(scene.point_lights):
         exponents.append(int(np.frexp(around_point_lights(scene))[1]) + HEADROOM_BITS)
     return int(np.clip(31 - max(exponents, default=0), 0, 31))

@@ -33,6 +33,7 @@ from lightloom.golden_model.rays.surface_shading import Surfaces
 from lightloom.golden_model.rays.waves import Waves
 from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.lights import Lights
+from lightloom.golden_model.scene.octahedral import on_octahedron
 from lightloom.golden_model.scene.scene import Scene
 
 _LIT = 1  # what a path's key is hashed with for the shadow ray of its hit
@@ -54,6 +55,15 @@ class World:
     def scene(self) -> Scene:
         """The frame's scene."""
         return self.surfaces.scene
+
+    def sky(self, direction: np.ndarray) -> np.ndarray:
+        """What rays of `direction` (N, 3) bring that leave the scene behind mirrors and glass: radiance (N, 3) float32.
+
+        The sky alone: so few would meet the sun that each would be a spark of ten thousand.
+        """
+        if self.lights.sky is None:
+            return np.zeros(direction.shape, dtype=np.float32)
+        return self.lights.sky.map.nearest(on_octahedron(direction))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,9 +102,11 @@ def gather(world: World, update: Update, sampling: Sampling, collector: Collecto
         with clock("shade rays"):
             hits = collector.hits(nearest)
             # What shines counts where no shadow ray can have brought it: behind mirrors and glass.
-            shaded = shade_rays(world.surfaces, path.rays, hits, path.key, emission=bounce > 0)
+            shaded = shade_rays(
+                world.surfaces, path.rays, hits, path.key, emission=bounce > 0, beyond=world.sky if bounce else None
+            )
             path.add(radiance, shaded.radiance)
-            if bounce == 0 and sampling.balanced:
+            if bounce == 0 and (sampling.balanced or world.lights.distant):
                 radiance = add(radiance, light_met(update, world.lights, rays, hits))
             lit = path.lit(world, rays, hits) if sampling.direct == "rays" else None
             path = path.follow(shaded.onward) if bounce < sampling.bounces else path.none()

@@ -7,7 +7,11 @@ from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.parameters import check, choice, flag, number
 from lightloom.golden_model.maintenance.sampling.running_average import Blending
 from lightloom.golden_model.numerics.directions import COUNT
+from lightloom.golden_model.scene.lights import light_count
 from lightloom.golden_model.scene.scene import Scene
+
+MOST_LIGHTS = 1024
+"""Whose sums of weights the largest preset holds; 256 are what others do."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +33,9 @@ class Sampling:
         "but the hits of their rays do, one each.",
     )
     bounces: int = number(4, 0, 16, "Mirrors and panes of glass that a ray may meet on its way to a diffuse surface.")
+    lights: int = number(
+        MOST_LIGHTS, 1, MOST_LIGHTS, "Lights of a scene at most: triangles that shine, point lights, sun and sky."
+    )
     blending: Blending = field(default_factory=Blending)
     """How it weighs against the old value."""
     priming: int = number(
@@ -50,7 +57,12 @@ class Sampling:
         return 2 * paths if self.direct == "rays" else paths + self.light_samples
 
     def require(self, budget: int, scene: Scene) -> None:
-        """Raises InputError for a budget of rays a frame that does not pay for one update."""
+        """Raises InputError for a budget of rays a frame that does not pay for one update, and for too many lights."""
         reserve = self.reserve(scene.specular)
         if budget < reserve:
             raise InputError(f"--budget {budget}: one texel update takes {reserve} rays; give at least as many")
+        if (count := light_count(scene)) > self.lights:
+            raise InputError(
+                f"{scene.name}: {count} lights, of which each triangle that shines is one; at most {self.lights} are "
+                "possible: make what shines of fewer triangles"
+            )

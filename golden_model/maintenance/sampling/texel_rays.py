@@ -4,8 +4,9 @@ An update of a texel traces `directions` rays over the hemisphere, distributed a
 shadow rays. Successive updates of a texel take successive runs of the same low-discrepancy sequences, so that together
 they are better spread than independent samples, and the running average becomes smooth quickly.
 
-Both kinds of ray can find an area light. Where they are `balanced` each counts for how likely it is to: beside a light
-a shadow ray's sample would be a rare enormous one, and there the rays over the hemisphere do the work.
+Both kinds of ray can find an area light, the sun and a sky. Where they are `balanced` each counts for how likely it is
+to: beside a light a shadow ray's sample would be a rare enormous one, and there the rays over the hemisphere do the
+work.
 """
 
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from lightloom.golden_model.numerics.counter_rng import hash_u32
 from lightloom.golden_model.numerics.directions import COUNT, ROTATIONS, cosine_table, rotation_table, to_world
 from lightloom.golden_model.numerics.floats import flush, quiet
 from lightloom.golden_model.numerics.vectors import scale
-from lightloom.golden_model.scene.lights import NO_RIVALS, Lights, direct_candidates, met_emission
+from lightloom.golden_model.scene.lights import NO_RIVALS, Lights, direct_candidates, met_beyond, met_emission
 
 PI = np.float32(3.1415927)
 _INDIRECT, _SHADOW = range(2)  # what a hash is for
@@ -113,9 +114,10 @@ def indirect_rays(update: Update, directions: np.ndarray | int) -> np.ndarray:
 
 
 def light_met(update: Update, lights: Lights, rays: TexelRays, hits: np.ndarray) -> np.ndarray:
-    """Emission that the rays over the hemisphere count of what they hit, HIT (R,): radiance (R, 3) float32.
+    """Emission that the rays over the hemisphere count of what they hit, HIT (R,), and of what lies beyond the scene
+    where they hit nothing: radiance (R, 3) float32.
 
-    Nothing where shadow rays alone bring direct light (`rivals` 0).
+    Where shadow rays alone bring direct light (`rivals` 0) it is nothing, but for a sky that these do not look for.
     """
     radiance = np.zeros((len(hits), 3), dtype=np.float32)
     struck = np.flatnonzero(hits["primitive"] >= 0)
@@ -128,6 +130,12 @@ def light_met(update: Update, lights: Lights, rays: TexelRays, hits: np.ndarray)
         update.record["normal"][slot],
         rays.rivals[slot],
     )
+    if lights.distant:
+        missed = np.flatnonzero(hits["primitive"] < 0)
+        slot = rays.indirect_slot[missed]
+        radiance[missed] = met_beyond(
+            lights, rays.indirect["direction"][missed], update.record["normal"][slot], rays.rivals[slot]
+        )
     return radiance
 
 

@@ -22,8 +22,6 @@ class Layout:
 
     name: str
     make: Callable[[np.random.Generator], Description]
-    needs: str = ""
-    """What has to be there to read it, if scene descriptions do not have that yet."""
 
     @property
     def about(self) -> str:
@@ -40,15 +38,9 @@ _MADE = (
     *(rooms.thin_walls, rooms.meeting_boxes, rooms.curves),
     *(changes.few_movers, changes.many_movers, changes.crossing, changes.cut, changes.flicker, changes.torch),
     *(changes.dimmer, changes.appearing, changes.door, changes.hundred_lights),
+    open_air.village,
 )
-LAYOUTS = {
-    each.name: each
-    for each in (
-        *(Layout(make.__name__.replace("_", "-"), make) for make in _MADE),
-        Layout("village", open_air.village, needs="sky and sun"),
-    )
-}
-READABLE = {name: layout for name, layout in LAYOUTS.items() if not layout.needs}
+LAYOUTS = {each.name: each for each in (Layout(make.__name__.replace("_", "-"), make) for make in _MADE)}
 
 
 def write_layout(name: str, seed: int, folder: Path) -> Path:

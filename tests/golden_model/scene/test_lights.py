@@ -9,6 +9,7 @@ import pytest
 from lightloom.golden_model.contract.formats import POINT_LIGHT, RAY
 from lightloom.golden_model.numerics.directions import cosine_table, tangent_of, to_world
 from lightloom.golden_model.scene.assemble import assemble
+from lightloom.golden_model.scene.distant_lights import POINT
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.scene.lights import WEIGHT_BITS, Lights, direct_candidates, lights_of, met_emission
 from lightloom.golden_model.scene.parts import Part
@@ -156,7 +157,7 @@ def test_lights_are_chosen_by_power_and_each_at_least_sometimes() -> None:
     assert lights.begin[-1] < 2**WEIGHT_BITS
     assert (weight > 0).all()
     assert np.allclose(weight / weight.max(), [0.125, 0.125, 0.5, 0.5, 0, 0, 1], atol=1e-6)
-    assert np.allclose(lights.share[lights.point] * weight[lights.point], lights.begin[-1])
+    assert np.allclose((lights.share * weight)[lights.kind == POINT], lights.begin[-1])
 
 
 def test_many_lights_give_the_sum_of_their_parts() -> None:

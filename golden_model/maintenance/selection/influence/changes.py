@@ -13,6 +13,8 @@ from lightloom.golden_model.scene.parts import DIFFUSE
 from lightloom.golden_model.scene.scene import Scene
 
 PI = 3.141592653589793
+SUN_DISTANCE = 64.0
+"""Of the box that stands for the sun, in sizes of the scene: its direction is right to half a degree."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,17 +174,18 @@ def _motion(table: Table, before: Scene, after: Scene, number: int) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """What sends out light at one frame: an object that shines, or a point light."""
+    """What sends out light at one frame: an object that shines, a point light, sun or sky."""
 
     object: int
-    """-1 for a point light."""
+    """-1 where it is none."""
     box: Box
+    """Where it is; NOWHERE for a sky, of which nothing casts a shadow."""
     power: float
     """What it sends out, in W."""
 
 
 def sources(table: Table, scene: Scene) -> list[Source]:
-    """The sources of light of a scene: objects by number, then point lights."""
+    """The sources of light of a scene: objects by number, then point lights, sun and sky."""
     emission = grey(scene.emission)
     out = []
     for number in np.unique(scene.material_object[emission > 0]):
@@ -195,6 +198,25 @@ def sources(table: Table, scene: Scene) -> list[Source]:
         place, intensity = light["position"].astype(np.float64), float(grey(light["intensity"]))
         if intensity > 0:
             out.append(Source(object=-1, box=Box(low=place, high=place), power=4 * PI * intensity))
+    return out + _distant_sources(table, scene)
+
+
+def _distant_sources(table: Table, scene: Scene) -> list[Source]:
+    """Sun and sky, as far as there are; what they send is what a ball around all objects gets.
+
+    The sun is a box that is far off, as large as its shadows' edges are wide across the scene.
+    """
+    sky, sun = scene.environment.sky, scene.environment.sun
+    middle, radius = (table.low.min(axis=0) + table.high.max(axis=0)) / 2, table.extent / 2
+    out = []
+    if sun is not None and sun.irradiance.any():
+        place = middle + sun.towards.astype(np.float64) * (table.extent * SUN_DISTANCE)
+        half = np.full(3, table.extent * float(sun.radius))
+        power = PI * radius * radius * float(grey(sun.irradiance))
+        out.append(Source(object=-1, box=Box(low=place - half, high=place + half), power=power))
+    if sky is not None:
+        power = 4 * PI * PI * radius * radius * float(grey(sky.table.mean_colour))
+        out.append(Source(object=-1, box=NOWHERE, power=power))
     return out
 
 

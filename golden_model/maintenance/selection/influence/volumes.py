@@ -13,6 +13,7 @@ import numpy as np
 
 from lightloom.golden_model.contract.formats import CHANGE_LEVELS, INFLUENCE, MOST_OCTAVES
 from lightloom.golden_model.maintenance.selection.influence.changes import (
+    NOWHERE,
     PI,
     Box,
     Moved,
@@ -56,7 +57,8 @@ def volumes(table: Table, before: Scene, after: Scene, policy: Policy) -> np.nda
         records = [_reflecting(table, before, after, item, policy) for item in moved] + records
     cast = []
     if policy.shadows:
-        cast = [_shadow(item, light, policy) for item in moved for light in new if light.object != item.object]
+        casting = [light for light in new if light.box is not NOWHERE]
+        cast = [_shadow(item, light, policy) for item in moved for light in casting if light.object != item.object]
     # Half of the records for each kind, and what the other leaves.
     most = policy.influence_records
     records = joined(records, max(most - len(cast), most // 2))

@@ -32,7 +32,7 @@ MOST_SUBDIVISIONS = 7
 MOST_REPEATS = 1024.0
 """Of a texture along each coordinate."""
 
-_MATERIAL = ("albedo", "emission", "material", "ior", "texture", "texture_scale")
+_MATERIAL = ("albedo", "emission", "material", "two_sided", "ior", "texture", "emission_texture", "texture_scale")
 _COMMON = ("name", *_MATERIAL, *PATH)
 MESH = ("file", "builtin", "scale", "rotate", "translate", "coarse", "coarse_ratio", *_COMMON)
 QUAD = ("corners", *_COMMON)
@@ -121,33 +121,49 @@ class Objects:
             albedo=_colour(table, "albedo", part.albedo),
             emission=_colour(table, "emission", part.emission),
             surface=surface,
+            two_sided=table.flag("two_sided", part.two_sided),
             ior=ior,
         )
+        if surface != DIFFUSE and part.two_sided:
+            raise InputError(f"{table.where}: mirrors and glass show both sides; leave `two_sided` out")
         if surface != DIFFUSE and part.emission.any():
             raise InputError(f"{table.where}: only diffuse surfaces have an emission")
         return self._textured(table, part)
 
     def _textured(self, table: Table, part: Part) -> Part:
-        if "texture" not in table:
+        found = {key: self._picture(table, part, key) for key in ("texture", "emission_texture") if key in table}
+        if not found:
             if "texture_scale" in table:
                 raise InputError(f"{table.where}: `texture_scale` is of use with a `texture` only")
             return part
-        if part.texture_uv is None:
-            raise InputError(f"{table.where}: {part.name} has no texture coordinates, so it cannot have a `texture`")
-        name = table.text("texture")
-        if name in BUILTIN:
-            texture = checker()
-        else:
-            file = self.folder / name
-            if file not in self.textures:
-                self.textures[file] = load_texture(file, table.where)
-            texture = self.textures[file]
+        if "emission_texture" in found and not part.emission.any():
+            raise InputError(f"{table.where}: `emission_texture` is of use with an `emission` only")
+        if len({picture.shape for picture in found.values()}) > 1:
+            raise InputError(f"{table.where}: `texture` and `emission_texture` must have as many pixels as each other")
         several = isinstance(table.values.get("texture_scale"), list)
         repeats = table.numbers("texture_scale", 2) if several else [table.number("texture_scale", 1.0)] * 2
         if not all(0 < abs(x) <= MOST_REPEATS for x in repeats):
             raise InputError(f"{table.where}: `texture_scale` must not be 0, at most {MOST_REPEATS:g}, not {repeats}")
+        assert part.texture_uv is not None
         scaled = part.texture_uv.astype(np.float64) * np.array(repeats)
-        return replace(part, texture=texture, texture_uv=scaled.astype(np.float32))
+        return replace(
+            part,
+            texture=found.get("texture"),
+            emission_texture=found.get("emission_texture"),
+            texture_uv=scaled.astype(np.float32),
+        )
+
+    def _picture(self, table: Table, part: Part, key: str) -> np.ndarray:
+        """The picture that a key of the table names."""
+        if part.texture_uv is None:
+            raise InputError(f"{table.where}: {part.name} has no texture coordinates, so it cannot have a `{key}`")
+        name = table.text(key)
+        if name in BUILTIN:
+            return self.textures.setdefault(Path(name), checker())
+        file = self.folder / name
+        if file not in self.textures:
+            self.textures[file] = load_texture(file, table.where)
+        return self.textures[file]
 
     def _file(self, table: Table, key: str) -> list[Part]:
         file = self.folder / table.text(key)
@@ -174,8 +190,8 @@ class Objects:
 
     def _like(self, table: Table, coarse: Part, fine: Part) -> Part:
         """Reduced geometry with the materials of the fine one."""
-        coarse = self._textured(table, coarse)
-        return replace(coarse, name=fine.name, albedo=fine.albedo, emission=fine.emission)
+        painted = replace(coarse, name=fine.name, albedo=fine.albedo, emission=fine.emission)
+        return self._textured(table, painted)
 
 
 def _plain(name: str, corners: np.ndarray, texture_uv: np.ndarray | None) -> Part:

@@ -6,18 +6,22 @@ from pathlib import Path
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import POINT_LIGHT
+from lightloom.golden_model.contract.formats import CONE, POINT_LIGHT
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.numerics.directions import sine_cosine_of
 from lightloom.golden_model.numerics.vectors import vector
 from lightloom.golden_model.scene.assemble import assemble
 from lightloom.golden_model.scene.files.cornell_box import CAMERA, PATH
 from lightloom.golden_model.scene.files.toml.objects import BOX, MESH, QUAD, SPHERE, Objects
 from lightloom.golden_model.scene.files.toml.paths import key_frame, light_path
-from lightloom.golden_model.scene.files.toml.surroundings import environment
+from lightloom.golden_model.scene.files.toml.surroundings import direction, environment
 from lightloom.golden_model.scene.files.toml.tables import Table
 from lightloom.golden_model.scene.keyframes import LightPath
 from lightloom.golden_model.scene.pinhole import LARGEST_SIDE
 from lightloom.golden_model.scene.scene import Camera, Keyframe, RenderDefaults, Scene
+
+_OBJECTS = ("mesh", "quad", "box", "sphere")
+_LIGHTS = ("point_light", "spot_light", "sky", "sun")
 
 
 def load_toml(path: Path) -> Scene:
@@ -30,14 +34,14 @@ def load_toml(path: Path) -> Scene:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: not a TOML file ({' '.join(str(error).split())})") from error
-    known = ("name", "texel_size", "render", "camera", "mesh", "quad", "box", "sphere", "point_light", "sky", "sun")
+    known = ("name", "texel_size", "render", "camera", *_OBJECTS, *_LIGHTS)
     scene = Table(str(path), values, known)
     objects = Objects(path.parent)
     parts = [part for table in scene.tables("mesh", MESH) for part in objects.mesh(table)]
     parts += [objects.quad(table) for table in scene.tables("quad", QUAD)]
     parts += [objects.box(table) for table in scene.tables("box", BOX)]
     parts += [objects.sphere(table) for table in scene.tables("sphere", SPHERE)]
-    lights, light_paths = _point_lights(scene)
+    lights, cones, light_paths = _point_lights(scene)
     camera, keys = _camera(scene)
     assembled = assemble(
         name=scene.text("name", path.stem),
@@ -49,7 +53,7 @@ def load_toml(path: Path) -> Scene:
         light_path=light_paths,
         texel_size=scene.positive("texel_size") if "texel_size" in scene else None,
     )
-    return replace(assembled, render=_render_defaults(scene), environment=environment(scene, path.parent))
+    return replace(assembled, render=_render_defaults(scene), environment=environment(scene, path.parent), cones=cones)
 
 
 def _render_defaults(scene: Table) -> RenderDefaults:
@@ -68,14 +72,42 @@ def _render_defaults(scene: Table) -> RenderDefaults:
     )
 
 
-def _point_lights(scene: Table) -> tuple[np.ndarray, tuple[LightPath | None, ...]]:
-    """POINT_LIGHT (P,) at rest, and the path of each."""
-    tables = scene.tables("point_light", ("position", "intensity", "path", "loop"))
+_PI = 3.141592653589793
+SHARPEST = 2.0**-16
+"""Difference of the cosines at both ends of a spot light's edge, at least."""
+_POINT = ("position", "intensity", "path", "loop")
+LARGEST_CONE = 180.0
+"""Of a spot light, in degrees from edge to edge."""
+SOFT = 0.75
+"""Where the edge of a spot light begins, as a part of its angle, if its table does not say."""
+
+
+def _point_lights(scene: Table) -> tuple[np.ndarray, np.ndarray, tuple[LightPath | None, ...]]:
+    """POINT_LIGHT (P,) at rest, CONE (P,) or none, and the path of each: point lights, then spot lights."""
+    spots = scene.tables("spot_light", (*_POINT, "towards", "angle", "inner_angle"))
+    plain = scene.tables("point_light", _POINT)
+    tables = plain + spots
     lights = np.zeros(len(tables), dtype=POINT_LIGHT)
     for light, table in zip(lights, tables, strict=True):
         light["position"], light["intensity"] = table.numbers("position", 3), table.not_negative("intensity")
     paths = [light_path(table, row["position"], row["intensity"]) for row, table in zip(lights, tables, strict=True)]
-    return lights, tuple(paths)
+    cones = np.zeros(len(lights) if spots else 0, dtype=CONE)
+    cones["outer"], cones["steepness"] = -1, 1
+    for number, table in enumerate(spots, len(plain)):
+        cones[number] = _cone(table)
+    return lights, cones, tuple(paths)
+
+
+def _cone(table: Table) -> tuple[np.ndarray, float, float]:
+    """The CONE of a [[spot_light]]."""
+    angle = table.number("angle")
+    if not 0 < angle <= LARGEST_CONE:
+        raise InputError(f"{table.where}: `angle` must lie within 0 to {LARGEST_CONE:g} degrees, not {angle:g}")
+    inner = table.number("inner_angle", SOFT * angle)
+    if not 0 <= inner <= angle:
+        raise InputError(f"{table.where}: `inner_angle` must lie within 0 to `angle`, {angle:g}, not {inner:g}")
+    _, cosine = sine_cosine_of(np.array([angle, inner]) * (_PI / 360))
+    return direction(table, "towards"), cosine[0], 1 / max(cosine[1] - cosine[0], SHARPEST)
 
 
 def _camera(scene: Table) -> tuple[Camera | None, tuple[Keyframe, ...]]:

@@ -78,15 +78,23 @@ def _sun(scene: Table) -> Sun | None:
     if "sun" not in scene:
         return None
     table = Table(f"{scene.where}, [sun]", scene.values["sun"], ("towards", "irradiance", "angle"))
-    towards = np.array(table.numbers("towards", 3))
-    if not towards.any():
-        raise InputError(f"{table.where}: `towards` must not be all zero; it is the direction in which the sun stands")
+    towards = direction(table, "towards")
     angle = table.number("angle", 0.53)
     if not 0 <= angle <= LARGEST_ANGLE:
         raise InputError(f"{table.where}: `angle` must lie within 0 to {LARGEST_ANGLE:g} degrees, not {angle:g}")
-    towards = towards / np.abs(towards).max()  # so that no square leaves the range
     return Sun(
-        towards=(towards / np.sqrt((towards * towards).sum())).astype(np.float32),
+        towards=towards,
         irradiance=vector(table.not_negative("irradiance")),
         angle=angle,
     )
+
+
+def direction(table: Table, key: str) -> np.ndarray:
+    """Three numbers as a unit vector, (3,) float32."""
+    x, y, z = table.numbers(key, 3)
+    largest = max(abs(x), abs(y), abs(z))
+    if largest == 0:
+        raise InputError(f"{table.where}: `{key}` must not be all zero; it is a direction")
+    x, y, z = x / largest, y / largest, z / largest  # so that no square leaves the range
+    length = np.sqrt(x * x + y * y + z * z)
+    return np.array([x / length, y / length, z / length], dtype=np.float32)

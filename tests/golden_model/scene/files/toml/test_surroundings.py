@@ -61,11 +61,11 @@ def test_a_sun(tmp_path: Path) -> None:
     assert (small.towards.tolist(), small.angle) == (sun.towards.tolist(), 0)
 
 
-def test_nothing_is_lit_by_it_yet(tmp_path: Path) -> None:
-    """And no picture comes out in which it is silently missing."""
+def test_it_is_light_enough_for_a_scene(tmp_path: Path) -> None:
     for text in (SUN, "[sky]\nradiance = [1, 1, 1]\n"):
-        with pytest.raises(InputError, match=r"nothing can be lit by a \[sky\] or \[sun\] yet"):
-            require_light(of(tmp_path, text + "[[point_light]]\nposition = [0, 1, 0]\nintensity = [1, 1, 1]\n"))
+        require_light(of(tmp_path, text))
+    with pytest.raises(InputError, match="no light"):
+        require_light(of(tmp_path, "[sky]\nradiance = [0, 0, 0]\n"))
 
 
 @pytest.mark.parametrize(
