@@ -70,13 +70,12 @@ def texel_project(record: Record) -> Record:
     depth, over = dot(moved, axes["forward"]), dot(normal, moved) ^ SIGN
     slack = exact.float_multiply(one(record, "facing_slack"), depth) ^ SIGN
     enlarged = exact.float_divide(focal, depth)
-    x = add(exact.float_multiply(dot(moved, axes["right"]), enlarged), integer(int(record["width"]), 1))
-    y = subtract(integer(int(record["height"]), 1), exact.float_multiply(dot(moved, axes["up"]), enlarged))
-    ends = [
-        maximum(place ^ SIGN, subtract(place, integer(int(record[side]))))
-        for place, side in ((x, "width"), (y, "height"))
-    ]
-    outside = maximum(*ends)
+    across, down = (exact.float_multiply(dot(moved, axes[name]), enlarged) for name in ("right", "up"))
+    places = {}
+    for side, from_middle in (("width", across), ("height", down ^ SIGN)):
+        places[side] = signed(exact.float_to_fixed_down(from_middle, 8)) + 128 * int(record[side])
+    farthest = max(max(-place, place - 256 * int(record[side])) for side, place in places.items())
+    outside = integer(clip(farthest, 0, (1 << 31) - 1), 8)
     pixels = exact.float_multiply(enlarged, one(record, "texel_size"))
     conditions = (
         exact.float_compare(depth, one(record, "near")) == GREATER,
@@ -88,8 +87,8 @@ def texel_project(record: Record) -> Record:
     out["visible"] = True
     for name, value in (("depth", depth), ("above", over), ("outside", outside)):
         out[name] = np.uint32(value).view(np.float32)
-    for name, place, side in (("column", x, "width"), ("row", y, "height")):
-        first = (signed(exact.float_to_fixed_down(place, 1)) - 1) // 2
+    for name, side in (("column", "width"), ("row", "height")):
+        first = (places[side] - 128) // 256
         last = int(record[side]) - 1
         out[name] = [(0 if tap < 0 else last if tap > last else tap) & 0x7FFF for tap in (first, first + 1)]
     return out
@@ -100,7 +99,7 @@ def tolerance_of(record: Record) -> int:
     leaning = add(*(dot(normal, bits(record, name)) & ~SIGN for name in ("right", "up")))
     distance = maximum(exact.float_multiply(one(record, "focal"), one(record, "above") & ~SIGN), SHORTEST)
     steep = exact.float_divide(exact.float_multiply(leaning, depth), distance)
-    reach = exact.float_multiply(one(record, "depth_slopes"), add(ONE, maximum(one(record, "outside"), ZERO)))
+    reach = exact.float_multiply(one(record, "depth_slopes"), add(ONE, one(record, "outside")))
     slope = exact.float_minmax(exact.float_multiply(steep, reach), one(record, "depth_limit"), 0)
     relative = exact.float_multiply(add(slope, one(record, "depth_relative")), depth)
     return add(relative, one(record, "depth_fixed"))

@@ -87,13 +87,18 @@ def _finest(i: Operands) -> np.ndarray:
     return np.minimum.reduce(levels)
 
 
-COORDINATE_WIDTH, SIZE_WIDTH = 10, 6
+PLACE_WIDTH, SIZE_WIDTH = 16, 6
 
 
 def _tap(i: Operands, offset: int) -> np.ndarray:
-    coordinate = signed(i["doubled"], COORDINATE_WIDTH) / 2  # what was lost in rounding down changes nothing
-    first, last = np.floor(coordinate - 0.5).astype(np.int64) + offset, i["size"] - 1
+    place = signed(i["at"], PLACE_WIDTH) / 256  # what was lost in rounding down changes nothing
+    first, last = np.floor(place - 0.5).astype(np.int64) + offset, i["size"] - 1
     return np.where(first < 0, 0, np.minimum(first, last))
+
+
+def _beyond(i: Operands) -> np.ndarray:
+    place = signed(i["at"], PLACE_WIDTH)
+    return np.maximum(np.maximum(-place, place - 256 * i["size"]), 0)
 
 
 def _running_deviation(i: Operands) -> np.ndarray:
@@ -104,7 +109,7 @@ def _running_deviation(i: Operands) -> np.ndarray:
 
 
 def _tap_at(offset: int) -> Function:
-    return lambda doubled, size: texel_project.tap(doubled, size, offset)
+    return lambda at, size: texel_project.tap(at, size, offset)
 
 
 ONCE: Sequence[dict[str, int]] = ({},)
@@ -127,10 +132,14 @@ SUBJECTS: tuple[tuple[str, str, str, Function, dict[str, int], Callable[[Operand
     ),
     *(
         (
-            *("texel_project", f"tap{offset}", "coordinates of 10 bits, sides of 6: the pixel, kept on the screen"),
-            *(_tap_at(offset), {"doubled": COORDINATE_WIDTH, "size": SIZE_WIDTH}, partial(_tap, offset=offset), ONCE),
+            *("texel_project", f"tap{offset}", "places of 16 bits, sides of 6: the pixel, kept on the screen"),
+            *(_tap_at(offset), {"at": PLACE_WIDTH, "size": SIZE_WIDTH}, partial(_tap, offset=offset), ONCE),
         )
         for offset in (0, 1)
+    ),
+    (
+        *("texel_project", "beyond", "places of 16 bits, sides of 6: how far beyond either end"),
+        *(texel_project.beyond, {"at": PLACE_WIDTH, "size": SIZE_WIDTH}, _beyond, ONCE),
     ),
     (
         *("texel_blend", "running-deviation", "every deviation after every other, with counts of all weights"),

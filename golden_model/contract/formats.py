@@ -421,6 +421,8 @@ TEXEL_BLENDED = np.dtype(
 # unit, how far below its horizon a texel still counts as facing the eye (`policy.Policy`).
 SCREEN_BITS = 15
 """Of a picture's sides, 1 to 16384 pixels, and of rows and columns."""
+PIXEL_BITS = 8
+"""Bits after the point of a place on the screen, in pixels."""
 SHORTEST = np.float32(2.0**-40)
 """Stands in for distances of zero."""
 UNSEEN, HIDDEN, LIKELY, SEEN = range(4)
@@ -446,8 +448,8 @@ TEXEL_PROJECT = np.dtype(
 )
 
 # Where it lies on the screen: the two columns and the two rows of the four pixels around it, its depth, the height of
-# the eye above the texel's plane, and how far off the screen it is in pixels, less than 0 on it. All zero where it is
-# not `visible`: it faces away, is too near or off the screen.
+# the eye above the texel's plane, and how many pixels off the screen it is, 0 on it. All zero where it is not
+# `visible`: it faces away, is too near or off the screen.
 TEXEL_PLACE = np.dtype(
     [
         ("visible", BOOL),

@@ -49,7 +49,7 @@ class TexelMatch(DataflowCore):
         lean = f.multiply("lean_depth", f.add("lean", *leaning), depth)
         distance = f.multiply("distance", focal, f.absolute("height", above))
         steep = f.divide("steep", lean, f.maximum("distance_kept", distance, bits_of(SHORTEST)))
-        margin = f.add("margin", ONE, f.maximum("outside_kept", outside, bits_of(0)))
+        margin = f.add("margin", ONE, outside)
         reach = f.multiply("reach", margin, depth_slopes)
         slope = f.minimum("slope", f.multiply("rise", steep, reach), depth_limit)
         relative = f.multiply("relative", f.add("slope_relative", slope, depth_relative), depth)

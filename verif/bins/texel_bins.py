@@ -50,8 +50,7 @@ def _project(i: np.ndarray, o: np.ndarray) -> Groups:
         ),
         "pixels around": cases(**ends),
         "off the screen": cases(
-            inside=visible & (o["outside"] < 0),
-            at_the_border=visible & (o["outside"] == 0),
+            on_it=visible & (o["outside"] == 0),
             by_less_than_a_texel=visible & (o["outside"] > 0),
         ),
         "position": cases(**{name: any_of(i["position"], name) for name in classes(i["near"])}),

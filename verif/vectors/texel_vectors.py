@@ -164,7 +164,7 @@ def _seen_on_a_slope(out: np.ndarray, rng: Generator) -> None:
     focal = rng.uniform(60, 4000, count)
     out["focal"] = focal
     out["above"] = out["depth"] * np.exp2(rng.uniform(-8, 0.5, count)) * rng.choice([1, 1, 1, -0.1], count)
-    out["outside"] = rng.choice([-2000.0, -20.0, -0.25, 0.0, 0.25, 1.5], count)
+    out["outside"] = rng.choice([0.0, 0.25, 1.5, 20.0], count, p=[0.7, 0.1, 0.1, 0.1])
     _policies(out, out["depth"] / focal * np.exp2(rng.uniform(-4, 3, count)), rng)
 
 

@@ -29,18 +29,18 @@ FAULTS = (
     _fault(PROJECT, "no-slack", 'facing["greater"], beyond', 'beyond["greater"], beyond', "all texels face the eye"),
     _fault(PROJECT, "near-ignored", 'beyond["greater"], off', 'facing["greater"], off', "nothing is too near"),
     _fault(PROJECT, "off-by-a-texel", 'off["less"]\n', 'off["greater"]\n', "only what is off the screen is on it"),
-    _fault(PROJECT, "one-side-of-the-screen", "before, f.subtract", "coordinate, f.subtract", "no left and upper end"),
-    _fault(PROJECT, "half-of-the-width", 'half", late, 1)', 'half", late, 2)', "the middle is at a quarter"),
-    _fault(
-        PROJECT, "taps-from-corners", "doubled.as_signed() - 1", "doubled.as_signed()", "pixels' corners, not centres"
-    ),
+    _fault(PROJECT, "one-side-of-the-screen", "Mux(place < 0, -place,", "Mux(place < 0, 0,", "no left and upper end"),
+    _fault(PROJECT, "other-side-of-the-screen", "Mux(after > 0, after, 0)", "0", "no right and lower end"),
+    _fault(PROJECT, "far-off-wraps", " | distance[MOST_BITS:].any()", " | 0 & distance[0]", "what is far off is near"),
+    _fault(PROJECT, "half-of-the-width", "(size << PIXEL_BITS - 1)", "(size << PIXEL_BITS - 2)", "middle at a quarter"),
+    _fault(PROJECT, "taps-from-corners", "(1 << PIXEL_BITS - 1)) >>", "0) >>", "pixels' corners, not centres"),
     _fault(PROJECT, "taps-off-the-screen", "Mux(first > last, last, first)", "first", "pixels beyond the last"),
     _fault(PROJECT, "taps-unsigned", "Mux(first < 0, 0,", "Mux(first < -1, 0,", "pixels before the first"),
     _fault(
         PROJECT, "height-of-the-texel", 'shown("above_out", above)', 'shown("above_out", under)', "the eye is below"
     ),
     _fault(MATCH, "height-with-its-sign", 'f.absolute("height", above)', "above", "what faces away is flat"),
-    _fault(MATCH, "margin-below-one", 'f.maximum("outside_kept", outside, bits_of(0))', "outside", "less inside"),
+    _fault(MATCH, "margin-of-one", '"margin", ONE, outside', '"margin", ONE, bits_of(0)', "as if on the screen"),
     _fault(MATCH, "limit-as-minimum", 'f.minimum("slope"', 'f.maximum("slope"', "the slope is at least its limit"),
     _fault(MATCH, "one-axis-twice", "enumerate((right, up))", "enumerate((right, right))", "slopes to one side alone"),
     _fault(MATCH, "depths-with-sign", 'f.absolute(f"apart{k}", behind)', "behind", "all that is nearer matches"),

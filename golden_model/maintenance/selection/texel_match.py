@@ -46,7 +46,7 @@ def depth_tolerance(operands: np.ndarray) -> np.ndarray:
     across, along = (np.abs(_dot(normal, _vector(operands, axis))) for axis in ("right", "up"))
     over = float_minmax(flush(flush(operands["focal"]) * np.abs(flush(operands["above"]))), SHORTEST, True)
     steep = flush(flush(flush(across + along) * depth) / over)
-    margin = flush(np.float32(1) + float_minmax(operands["outside"], np.float32(0), True))
+    margin = flush(np.float32(1) + flush(operands["outside"]))
     reach = flush(margin * flush(operands["depth_slopes"]))
     slope = float_minmax(flush(steep * reach), operands["depth_limit"])
     part = flush(slope + flush(operands["depth_relative"]))

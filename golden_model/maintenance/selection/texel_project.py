@@ -5,8 +5,8 @@ What is found is where on the screen the texel lies, how deep, and how much it i
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import SCREEN_BITS, TEXEL_PLACE
-from lightloom.golden_model.numerics.floats import float_minmax, float_to_fixed_down, flush, quiet
+from lightloom.golden_model.contract.formats import PIXEL_BITS, SCREEN_BITS, TEXEL_PLACE
+from lightloom.golden_model.numerics.floats import fixed_to_float, float_to_fixed_down, flush, quiet
 
 Vector = list[np.ndarray]
 """Three float32 arrays (N,), flushed, each of its own: a third of the time of one array (N, 3)."""
@@ -17,7 +17,8 @@ def texel_project(operands: np.ndarray) -> np.ndarray:
     """TEXEL_PROJECT (N,) to TEXEL_PLACE (N,).
 
     A texel is visible if it lies beyond the near plane, faces the eye down to `facing_slack` below its horizon, and is
-    on the screen or off it by less than a texel: pixels at the border may read the texel all the same.
+    on the screen or off it by less than a texel: pixels at the border may read the texel all the same. Where it lies on
+    the screen is a fixed-point number.
     """
     out = np.zeros(len(operands), dtype=TEXEL_PLACE)
     moved = [flush(a - b) for a, b in zip(_vector(operands, "position"), _vector(operands, "eye"), strict=True)]
@@ -29,11 +30,11 @@ def texel_project(operands: np.ndarray) -> np.ndarray:
 
     operands, depth, above = operands[facing], depth[facing], above[facing]
     moved = [each[facing] for each in moved]
-    width, height = (operands[name].astype(np.float32) for name in ("width", "height"))
     enlarged = flush(_scalar(operands, "focal") / depth)  # pixels a unit of length, at this depth
-    x = flush(flush(_dot(moved, _vector(operands, "right")) * enlarged) + width / 2)
-    y = flush(height / 2 - flush(_dot(moved, _vector(operands, "up")) * enlarged))
-    outside = _greatest(_greatest(-x, flush(x - width)), _greatest(-y, flush(y - height)))
+    x = _on_axis(flush(_dot(moved, _vector(operands, "right")) * enlarged), operands["width"])
+    y = _on_axis(-flush(_dot(moved, _vector(operands, "up")) * enlarged), operands["height"])
+    farther = np.maximum(_beyond(x, operands["width"]), _beyond(y, operands["height"]))
+    outside = fixed_to_float(farther.astype(np.int32), PIXEL_BITS)
     near = outside < flush(enlarged * _scalar(operands, "texel_size"))
 
     visible = facing[near]
@@ -44,12 +45,26 @@ def texel_project(operands: np.ndarray) -> np.ndarray:
     return out
 
 
-def _taps(coordinate: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """The two pixels (of a row or column) whose centres lie around screen coordinates (N,), kept on the screen: (N, 2).
+def _on_axis(moved: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Places on an axis of the screen (N,) int64, from where they lie from its middle in pixels (N,) float32.
 
-    The first is the greatest integer that is not more than the coordinate less a half.
+    In 1/2**PIXEL_BITS pixels from the first end, rounded down.
     """
-    first = (float_to_fixed_down(coordinate, 1).astype(np.int64) - 1) >> 1
+    return float_to_fixed_down(moved, PIXEL_BITS).astype(np.int64) + (size.astype(np.int64) << PIXEL_BITS - 1)
+
+
+def _beyond(place: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """How far places (N,) are beyond either end, (N,) int64 of 31 bits, saturating; 0 between them."""
+    after = place - (size.astype(np.int64) << PIXEL_BITS)
+    return np.clip(np.maximum(-place, after), 0, (1 << 31) - 1)
+
+
+def _taps(place: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """The two pixels (of a row or column) whose centres lie around places (N,), kept on the screen: (N, 2).
+
+    The first is the greatest integer that is not more than the place less a half.
+    """
+    first = (place - (1 << PIXEL_BITS - 1)) >> PIXEL_BITS
     both, last = np.stack([first, first + 1], axis=1), size.astype(np.int64)[:, None] - 1
     return np.where(both < 0, 0, np.where(both > last, last, both)) & ((1 << SCREEN_BITS) - 1)
 
@@ -66,7 +81,3 @@ def _dot(a: Vector, b: Vector) -> np.ndarray:
     """(x + y) + z of the products."""
     x, y, z = (flush(p * q) for p, q in zip(a, b, strict=True))
     return flush(flush(x + y) + z)
-
-
-def _greatest(a: np.ndarray, b: np.ndarray | np.float32) -> np.ndarray:
-    return float_minmax(a, np.asarray(b), True)
