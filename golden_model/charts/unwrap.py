@@ -184,7 +184,7 @@ def _with_back(
         texels=np.concatenate([front.texels, np.zeros(gap, dtype=TEXEL), texels]),
         chart=np.concatenate([front.chart, np.full(gap, -1, dtype=np.int32), behind]).astype(np.int32),
         back_rows=rows,
-        backs=replace(backs, uv=backs.uv + np.float32([0, rows]), chart=backs.chart + before),
+        backs=replace(backs, uv=backs.uv + np.array([0, rows], dtype=np.float32), chart=backs.chart + before),
     )
 
 
