@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightloom.golden_model.numerics.floats import flush, quiet
+from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.sides import sides_of
 
@@ -112,7 +112,7 @@ def _pulled(level: _Level, value: np.ndarray, known: np.ndarray) -> tuple[np.nda
     for child in level.child:
         count += known[child]
         total = flush(total + value[child])
-    return flush(total / np.maximum(count, np.float32(1))[:, None]), count > 0
+    return flush(total / float_minmax(count, np.float32(1), True)[:, None]), count > 0
 
 
 def _pushed(level: _Level, coarse: np.ndarray) -> np.ndarray:
@@ -127,6 +127,6 @@ def _pushed(level: _Level, coarse: np.ndarray) -> np.ndarray:
 
 def _everywhere(value: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Sides (S, 3) of which some are `known` (S,): the others as the mean of these, rounded down to 2**-24."""
-    fixed = np.rint(np.minimum(value[known], np.float32(65504)).astype(np.float64) * _FIXED).astype(np.int64)
+    fixed = np.rint(float_minmax(value[known], np.float32(65504)).astype(np.float64) * _FIXED).astype(np.int64)
     mean = (fixed.sum(axis=0) // max(int(known.sum()), 1)).astype(np.float64) / _FIXED
     return np.where(known[:, None], value, mean.astype(np.float32))
