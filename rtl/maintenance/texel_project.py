@@ -90,7 +90,8 @@ def from_the_first_end(moved: Value, size: Value) -> Value:
 
 def tap(at: Value, size: Value, offset: int) -> Value:
     """`offset` beyond the greatest integer that is not more than a place less a half, kept in 0 to size - 1."""
-    first = ((at.as_signed() - (1 << PIXEL_BITS - 1)) >> PIXEL_BITS) + offset
+    # A slice, not a shift: a shift's copies of the sign come from its own upper bits, a loop to some tools.
+    first = (at.as_signed() - (1 << PIXEL_BITS - 1))[PIXEL_BITS:].as_signed() + offset
     last = size - 1
     return Mux(first < 0, 0, Mux(first > last, last, first))[:SCREEN_BITS]
 

@@ -33,7 +33,7 @@ FAULTS = (
     _fault(PROJECT, "other-side-of-the-screen", "Mux(after > 0, after, 0)", "0", "no right and lower end"),
     _fault(PROJECT, "far-off-wraps", " | distance[MOST_BITS:].any()", " | 0 & distance[0]", "what is far off is near"),
     _fault(PROJECT, "half-of-the-width", "(size << PIXEL_BITS - 1)", "(size << PIXEL_BITS - 2)", "middle at a quarter"),
-    _fault(PROJECT, "taps-from-corners", "(1 << PIXEL_BITS - 1)) >>", "0) >>", "pixels' corners, not centres"),
+    _fault(PROJECT, "taps-from-corners", "(1 << PIXEL_BITS - 1))[", "0)[", "pixels' corners, not centres"),
     _fault(PROJECT, "taps-off-the-screen", "Mux(first > last, last, first)", "first", "pixels beyond the last"),
     _fault(PROJECT, "taps-unsigned", "Mux(first < 0, 0,", "Mux(first < -1, 0,", "pixels before the first"),
     _fault(
