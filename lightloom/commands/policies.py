@@ -129,7 +129,7 @@ def policies(options: PoliciesOptions) -> None:
     Rendering the references takes most of the time; where nothing but the camera moves there is one for all frames.
 
     \b
-    Policies, each with all that the one before has:
+    Policies; the last two have all of visibility:
       round-robin   all texels in turn
       visibility    those that are seen, or will be
       variability   among them those whose light varies

@@ -14,7 +14,7 @@ def render(options: RenderOptions) -> None:
     frame sees what they found. Objects, lights and camera follow the scene's paths. Same options, same bits.
 
     \b
-    Policies, each with all that the one before has:
+    Policies; the last two have all of visibility:
       round-robin   all texels in turn
       visibility    those that are seen, or will be
       variability   among them those whose light varies
