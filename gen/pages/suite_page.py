@@ -62,7 +62,8 @@ COLUMNS = (
     Column(
         "jump",
         lambda row: share(row["jump"]),
-        "the largest part of the pixels that changes by more than 8 of 255 between frames in which nothing does",
+        "the largest part of the pixels that changes by more than 8 of 255 between frames in which nothing does, and "
+        "not towards the reference",
     ),
     Column(
         "lag (turns)",

@@ -19,7 +19,7 @@ from lightloom.policies.judge import Judge, straight_light, visible_texels
 from lightloom.policies.options import Comparison
 from lightloom.policies.report import comparison_report, frame_row
 from lightloom.policies.steps import Lag, steps
-from lightloom.policies.still import jump, still_frames
+from lightloom.policies.still import jump, still_frames, still_from
 from lightloom.policies.true_error import resting_frame, true_figures, true_pictures
 from lightloom.shared.console import Progress, json_text
 from lightloom.shared.provenance import machine, versions
@@ -54,7 +54,7 @@ def compare(
     counts: dict[str, list[FrameCounts]] = {name: [] for name in options.policies}
     still, changes = still_frames(scene, options.frames), steps(scene, options.frames)
     lags = [Lag(step) for step in changes if step.followed]
-    looked = {*options.compared, *(frame for step in changes for frame in step.edges)}
+    looked = {*options.compared, *still_from(still), *(frame for step in changes for frame in step.edges)}
     before: dict[str, np.ndarray] = {}
     with progress.stage("Frames and references", options.frames * len(renderers) + len(looked)) as advance:
         for number in range(options.frames):
@@ -71,8 +71,8 @@ def compare(
             visible = visible_texels(lightmaps, results[options.full].gbuffer)
             for name, result in results.items():
                 row = frame_row(result, renderers[name].state, visible) | figures.get(name, {})
-                if number in still and judge.exposure is not None:
-                    row["jump"] = jump(before[name], result.image, judge.exposure)
+                if number in still and judge.seen is not None and judge.exposure is not None:
+                    row["jump"] = jump(before[name], result.image, judge.seen.whole, judge.exposure)
                 rows[name].append(row)
                 before[name] = result.image
                 counts[name].append(result.counts)

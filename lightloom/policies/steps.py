@@ -78,6 +78,11 @@ class Seen:
     counted: np.ndarray
     """The pixels that count, (H, W) bool."""
 
+    @property
+    def whole(self) -> np.ndarray:
+        """The reference, (H, W, 3) float32."""
+        return self.mapped + self.straight
+
 
 @dataclass
 class Lag:

@@ -22,7 +22,18 @@ def _shown(scene: Scene, number: int) -> tuple[bytes, ...]:
     return *state_of(scene_at(scene, number)), camera.position.tobytes(), camera.target.tobytes()
 
 
-def jump(before: np.ndarray, after: np.ndarray, exposure: float) -> float:
-    """The part of the pixels of linear pictures (H, W, 3) whose display changes by more than STEP in a channel."""
-    shown = [tonemap(picture, exposure).astype(np.int16) for picture in (before, after)]
-    return float((np.abs(shown[1] - shown[0]).max(axis=-1) > STEP).mean())
+def still_from(still: set[int]) -> set[int]:
+    """The frames that those of `still` (`still_frames`) are all like: each the last before some of them."""
+    return {number - 1 for number in still if number - 1 not in still}
+
+
+def jump(before: np.ndarray, after: np.ndarray, wanted: np.ndarray, exposure: float) -> float:
+    """The part of the pixels whose display changes by more than STEP in a channel and comes no nearer to what it ought.
+
+    Of linear pictures (H, W, 3), nearness by the sum over the channels. A change of light that is shown late is
+    a lag and no jump: what still is on its way may take steps of any size towards the picture `wanted`.
+    """
+    shown, now, aim = (tonemap(picture, exposure).astype(np.int16) for picture in (before, after, wanted))
+    moved = np.abs(now - shown).max(axis=-1) > STEP
+    nearer = np.abs(now - aim).sum(axis=-1) < np.abs(shown - aim).sum(axis=-1)
+    return float((moved & ~nearer).mean())

@@ -11,7 +11,7 @@ from lightloom.policies.bars import Bar, against_before, bars
 def report(**changes: Any) -> dict[str, Any]:
     """A report in which all bars are met, but for what is changed in the figures of the last case's last policy."""
     good: dict[str, Any] = {"error": 0.1, "darkened": 0.0, "jump": 0.01, "greatest_share": 1.0, "least_share": 0.95}
-    good |= {"lag_turns": 8.0, "never_shown": 0, "true_error": None, "true_energy": None}
+    good |= {"lag_turns": 8.0, "missed": 0.005, "never_shown": 0, "true_error": None, "true_energy": None}
     cases: list[dict[str, Any]] = [
         {
             "layout": layout,
@@ -41,7 +41,7 @@ def named(report: dict[str, Any], words: str, before: dict[str, Any] | None = No
 
 def test_all_bars_are_met() -> None:
     met = {bar.name: bar.met for bar in bars(report(), report())}
-    assert len(met) == 10
+    assert len(met) == 11
     assert all(met.values()), met
     unmet = [bar for bar in bars(report()) if not bar.met]
     assert [bar.shown for bar in unmet] == ["not measured"], "an earlier build is not known"
@@ -53,6 +53,7 @@ def test_all_bars_are_met() -> None:
         ({"error": 0.125 * 1.0800001}, "single run", "1.0801"),
         ({"darkened": 1e-9}, "darkened", "0.0001"),
         ({"jump": 0.01000001}, "jump", "0.0101"),
+        ({"missed": 0.00500001}, "missed", "0.0051"),
         ({"greatest_share": 1.0000001}, "budget, most", "1.0001"),
         ({"least_share": 0.9499999}, "budget, least", "0.9499"),
         ({"lag_turns": 8.00001}, "lag", "8.0001"),

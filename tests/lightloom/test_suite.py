@@ -11,7 +11,7 @@ from lightloom.gen.pages.suite_page import markdown_table
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, LAYOUTS, SEEDS, write_layout
 from lightloom.policies.case import cases
-from lightloom.policies.still import jump, still_frames
+from lightloom.policies.still import jump, still_frames, still_from
 from lightloom.policies.suite import geometric_means, table
 
 from .conftest import Run
@@ -134,7 +134,17 @@ def test_still_frames(tmp_path: Path) -> None:
 def test_jump_counts_what_is_seen_to_change() -> None:
     picture = np.full((4, 4, 3), 0.2, dtype=np.float32)
     other = picture.copy()
-    assert jump(picture, other, 1.0) == 0
+    assert jump(picture, other, picture, 1.0) == 0
     other[0, 0, 1] = 0.3
     other[3, 3] = 0.201
-    assert jump(picture, other, 1.0) == 1 / 16
+    assert jump(picture, other, picture, 1.0) == 1 / 16
+    assert jump(other, picture, picture, 1.0) == 0, "it comes back to what it ought to be"
+    assert jump(picture, other, np.full_like(picture, 0.5), 1.0) == 0, "it is on its way"
+    middle = picture.copy()
+    middle[0, 0, 1] = 0.24
+    assert jump(picture, other, middle, 1.0) == 1 / 16, "it overshoots by more than it was short"
+
+
+def test_every_still_frame_has_a_frame_that_it_is_like() -> None:
+    assert still_from({1, 2, 5, 6, 9}) == {0, 4, 8}
+    assert still_from(set()) == set()
