@@ -42,8 +42,8 @@ ABOUT = {
     "round-robin": "All texels in turn, whether anyone sees them or not.",
     "visibility": "Texels that the frame or a coming one reads, before those that nobody sees.",
     "variability": "Among those, the ones whose light varies: from update to update, within one, from texel to texel.",
-    "influence": "Of those that are seen, the ones whose light becomes different: around what moves or is switched, and "
-    "where sampling notices a change.",
+    "influence": "Of those that are seen, the ones whose light becomes different: around what moves or is switched, "
+    "and where sampling notices a change.",
 }
 """What each policy prefers."""
 
