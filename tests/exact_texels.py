@@ -80,7 +80,7 @@ def texel_project(record: Record) -> Record:
     conditions = (
         exact.float_compare(depth, one(record, "near")) == GREATER,
         exact.float_compare(over, slack) == GREATER,
-        exact.float_compare(outside, pixels) == LESS,
+        farthest <= 0 or exact.float_compare(outside, pixels) == LESS,
     )
     if not all(conditions):
         return out

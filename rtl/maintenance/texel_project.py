@@ -56,9 +56,8 @@ class TexelProject(DataflowCore):
         farther = flow.logic("farther", lambda a, b: Mux(a > b, a, b), left_or_right, above_or_below, stage=True)
         outside = f.from_fixed("outside", farther, PIXEL_BITS)
         off = f.compare("off", outside, f.multiply("pixels", enlarged, texel_size))
-        visible = flow.logic(
-            "visible", lambda *all_of: Cat(*all_of).all(), facing["greater"], beyond["greater"], off["less"]
-        )
+        near = flow.logic("near", lambda farther, less: less | ~farther.any(), farther, off["less"])
+        visible = flow.logic("visible", lambda *all_of: Cat(*all_of).all(), facing["greater"], beyond["greater"], near)
 
         def shown(name: str, node: Node) -> Node:
             return flow.logic(name, lambda visible, value: Mux(visible, value, 0), visible, node)

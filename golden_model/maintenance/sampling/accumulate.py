@@ -106,11 +106,14 @@ def at_rest(sweeps: list[int], texels: int) -> bool:
     """Whether so many texels, after each time that all were sampled anew, changed little the last two times.
 
     `sweeps` has their brightness (`brightness_of`) each time. By less than 2**-REST_BITS half octaves on average, half
-    a per cent: that is what the noise of some thousand texels comes to, so once may be chance. Logarithms, because a
-    dark corner that light comes to after many bounces says nothing in a sum beside the lamp.
+    a per cent, and what noise may come to in the sum: the root of twice their number. Logarithms, because a dark corner
+    that light comes to after many bounces says nothing in a sum beside the lamp.
     """
     last = sweeps[-3:]
-    return len(last) == 3 and max(last) - min(last) << REST_BITS < texels
+    if len(last) < 3:
+        return False
+    excess = (max(last) - min(last) << REST_BITS) - texels
+    return excess < 0 or excess * excess < texels << 2 * REST_BITS + 1
 
 
 def irradiance(total: np.ndarray, fraction: np.ndarray | int) -> np.ndarray:

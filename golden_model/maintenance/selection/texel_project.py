@@ -35,7 +35,7 @@ def texel_project(operands: np.ndarray) -> np.ndarray:
     y = _on_axis(-flush(_dot(moved, _vector(operands, "up")) * enlarged), operands["height"])
     farther = np.maximum(_beyond(x, operands["width"]), _beyond(y, operands["height"]))
     outside = fixed_to_float(farther.astype(np.int32), PIXEL_BITS)
-    near = outside < flush(enlarged * _scalar(operands, "texel_size"))
+    near = (farther == 0) | (outside < flush(enlarged * _scalar(operands, "texel_size")))
 
     visible = facing[near]
     out["visible"][visible] = True

@@ -162,6 +162,6 @@ def test_a_dark_corner_counts_for_being_at_rest_as_a_bright_one_does() -> None:
     assert brightness_of(np.zeros((7, 3), dtype=np.float32), 12) == 0
     assert not at_rest([before, after], 1000)
     assert not at_rest([before], 1000)
-    assert at_rest([0, before, before + 15, before + 8], 1000)
-    assert not at_rest([0, before + 16, before, before], 1000), "once is chance"
+    assert at_rest([0, before, before + 60, before + 8], 1000)
+    assert not at_rest([0, before + 61, before, before], 1000), "once is chance"
     assert not at_rest([before, before], 1000)

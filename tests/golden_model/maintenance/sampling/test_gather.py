@@ -45,7 +45,7 @@ def test_shadow_rays_of_what_was_met_are_contributions_of_their_own(world: World
     """What paths bring is the same to the bit with them and without, and so their results may come in at any time."""
     sampling = Sampling(directions=8, direct="rays")
     none = Lights(
-        **{name: value[:0] for name, value in vars(world.lights).items() if name != "of_triangle"}
+        **{name: value if value is None else value[:0] for name, value in vars(world.lights).items()}
         | {"begin": world.lights.begin[:1], "of_triangle": np.full_like(world.lights.of_triangle, -1)}
     )
     paths, both = sampled(replace(world, lights=none), sampling), sampled(world, sampling)
