@@ -152,6 +152,7 @@ def test_a_macro_that_is_not_what_was_asked_for() -> None:
     assert own.results.tobytes() != swapped.results.tobytes()
 
 
+@pytest.mark.long
 @pytest.mark.icarus
 @needs_icarus
 def test_macros_on_icarus(tmp_path: Path) -> None:

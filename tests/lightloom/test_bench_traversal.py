@@ -31,6 +31,7 @@ def quickly_built(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lightloom.bench.traversal.TraversalUnit", partial(TraversalUnit, level=1))
 
 
+@pytest.mark.long
 def test_measured(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lightloom.bench.traversal.default_sweep", lambda full: replace(SMALL, units=(1,)))
     outcome = cli("bench", "traversal", "--latency", "0,50", "--json")

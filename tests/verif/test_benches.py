@@ -21,7 +21,7 @@ SEED = 2013
 COUNT = {"verilator": (1000, 1000), "icarus": (300, 100)}
 
 
-SLOW_ON_ICARUS = {"texel_project", "texel_blend"}
+SLOW_ON_ICARUS = {"ray_triangle_half", "texel_project", "texel_blend"}
 
 
 def marks_of(unit: str, simulator: str) -> list[pytest.MarkDecorator]:
