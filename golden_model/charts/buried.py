@@ -14,7 +14,7 @@ import numpy as np
 from lightloom.golden_model.charts.sample_points import ChartedTriangles, other_points
 from lightloom.golden_model.contract.formats import RAY, TRIANGLE
 from lightloom.golden_model.numerics.directions import cosine_table, to_world
-from lightloom.golden_model.scene.lightmap import BURIED, VALID, Lightmaps, lightmap_coordinates
+from lightloom.golden_model.scene.lightmap import BURIED, VALID, Lightmaps, lightmap_coordinates, row_and_column
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.bvh import traversal
 from lightloom.golden_model.tracing.bvh.build import build
@@ -107,7 +107,7 @@ def _beside(lightmaps: Lightmaps, texel: np.ndarray, chosen: np.ndarray) -> np.n
     """Texels (N,) bool with one of `texel` (M,) that is `chosen` (N,) bool among their eight neighbours of a chart."""
     owner = lightmaps.texels["object"][texel]
     width, height = lightmaps.width[owner].astype(np.int64), lightmaps.height[owner].astype(np.int64)
-    row, column = np.divmod(texel - lightmaps.offset[owner], width)
+    row, column = row_and_column(lightmaps, texel)
     out = np.zeros(len(chosen), dtype=np.bool_)
     for dy, dx in ((-1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1), (1, -1), (1, 0), (1, 1)):
         there = (row + dy >= 0) & (row + dy < height) & (column + dx >= 0) & (column + dx < width) & chosen[texel]

@@ -12,7 +12,7 @@ from lightloom.golden_model.charts.buried import BATCH, alone
 from lightloom.golden_model.charts.sample_points import ChartedTriangles
 from lightloom.golden_model.contract.formats import RAY
 from lightloom.golden_model.scene.barriers import SLICE, STEEPEST
-from lightloom.golden_model.scene.lightmap import DOWN, RIGHT, VALID, Lightmaps, joined
+from lightloom.golden_model.scene.lightmap import DOWN, RIGHT, VALID, Lightmaps, followed, joined, steps_of
 from lightloom.golden_model.scene.mesh import area_vectors, dot
 from lightloom.golden_model.scene.parts import GLASS
 from lightloom.golden_model.scene.scene import Scene
@@ -23,7 +23,7 @@ def find_links(lightmaps: Lightmaps, scene: Scene, trace: Trace, triangles: Char
     """The lightmaps with `links`: of a scene at rest, and only what never moves against a texel comes between."""
     texels = lightmaps.texels
     links = np.zeros(len(texels), dtype=np.uint8)
-    steps = _steps(lightmaps)
+    steps = tuple(zip((RIGHT, DOWN), steps_of(lightmaps), strict=True))
     for objects, tracer in alone(scene, trace):
         mine = np.isin(texels["object"], objects)
         for (bit, step), reached in zip(steps, joined(lightmaps), strict=True):
@@ -36,12 +36,6 @@ def find_links(lightmaps: Lightmaps, scene: Scene, trace: Trace, triangles: Char
                 free = _free(lightmaps, scene, tracer, triangles, first[part], second[part])
                 links[first[part][free]] |= bit
     return replace(lightmaps, links=_with_shown(lightmaps, links))
-
-
-def _steps(lightmaps: Lightmaps) -> tuple[tuple[int, np.ndarray], tuple[int, np.ndarray]]:
-    """The bit of a link, and by how much the number of the texel there is larger, (N,)."""
-    width = lightmaps.width[lightmaps.texels["object"]].astype(np.int64)
-    return (RIGHT, np.ones_like(width)), (DOWN, width)
 
 
 def _free(
@@ -80,22 +74,15 @@ def _with_shown(lightmaps: Lightmaps, links: np.ndarray) -> np.ndarray:
     """
     links = links.copy()
     shown = np.maximum(lightmaps.fill, 0).astype(np.int64)
-    steps = _steps(lightmaps)
+    steps = tuple(zip((RIGHT, DOWN), steps_of(lightmaps), strict=True))
     own = lightmaps.fill == np.arange(len(links))
     made = links.copy()
-    for bit, step in steps:
+    for (bit, step), there in zip(steps, followed(lightmaps), strict=True):
         other = np.minimum(np.arange(len(links)) + step, len(links) - 1)
         a, b = np.minimum(shown, shown[other]), np.maximum(shown, shown[other])
         near = a == b
         for side, stride in steps:
             near |= (b == a + stride[a]) & ((links[a] & side) > 0)
-        inside = _inside(lightmaps, bit) & (lightmaps.fill >= 0) & ~(own & own[other])
+        inside = there & (lightmaps.fill >= 0) & ~(own & own[other])
         made[inside & near] |= bit
     return made
-
-
-def _inside(lightmaps: Lightmaps, bit: int) -> np.ndarray:
-    """Whether there is a texel to the right, or below, (N,) bool."""
-    owner = lightmaps.texels["object"]
-    row, column = np.divmod(np.arange(len(owner)) - lightmaps.offset[owner], lightmaps.width[owner])
-    return column < lightmaps.width[owner] - 1 if bit == RIGHT else row < lightmaps.height[owner] - 1

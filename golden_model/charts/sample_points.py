@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightloom.golden_model.charts.texels import inside_border, surface_texels
-from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.scene.lightmap import Lightmaps, row_and_column
 
 _SIDE = np.arange(-7, 8, 2) / 8
 OFFSETS = np.array(sorted(((x, y) for x in _SIDE for y in _SIDE), key=lambda place: place[0] ** 2 + place[1] ** 2))
@@ -45,7 +45,7 @@ def other_points(
     `object` is that of the texel.
     """
     owner = lightmaps.texels["object"][texel]
-    row, column = np.divmod(texel - lightmaps.offset[owner], lightmaps.width[owner])
+    row, column = row_and_column(lightmaps, texel)
     centre = np.stack([column, row], axis=1) + 0.5
     place, face = _near(triangles, lightmaps.chart[texel], centre)
     corner = triangles.uv[face].astype(np.float64)

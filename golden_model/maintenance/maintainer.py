@@ -10,7 +10,6 @@ import numpy as np
 from lightloom.golden_model.contract.formats import TEXEL_STATE
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.maintenance.drift import departures
-from lightloom.golden_model.maintenance.publishing.publisher import LARGEST_HALF
 from lightloom.golden_model.maintenance.sampling.confidence import lower
 from lightloom.golden_model.maintenance.sampling.gather import Gathered, World, gather
 from lightloom.golden_model.maintenance.sampling.running_average import blend_texels, drop, mark_heavy
@@ -18,6 +17,7 @@ from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.sampling.texel_rays import Update
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.maintenance.selection.selector import FrameContext, Plan, Selector
+from lightloom.golden_model.numerics.floats import LARGEST_HALF
 from lightloom.golden_model.rays.collector import Collector
 from lightloom.golden_model.rays.waves import Waves
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps

@@ -17,6 +17,8 @@ Array = np.ndarray[Any, Any]
 
 TINY = np.float32(2.0**-126)
 NAN = np.uint32(0x7FC00000).view(np.float32)
+LARGEST_HALF = np.float32(65504)
+"""The largest number that binary16 holds; brighter light is kept as this."""
 
 
 def quiet(function: Callable[P, Any]) -> Callable[P, Any]:

@@ -61,15 +61,38 @@ def joined(lightmaps: Lightmaps) -> tuple[np.ndarray, np.ndarray]:
     """Whether each texel is joined to the one to its right, and to the one below, (N,) bool each."""
     if lightmaps.links is not None:
         return (lightmaps.links & RIGHT) > 0, (lightmaps.links & DOWN) > 0
-    owner, chart = lightmaps.texels["object"], lightmaps.chart
-    number = np.arange(len(chart))
-    width = lightmaps.width[owner].astype(np.int64)
-    row, column = np.divmod(number - lightmaps.offset[owner], width)
+    chart, number = lightmaps.chart, np.arange(len(lightmaps.chart))
     out = []
-    for there, step in ((column < width - 1, 1), (row < lightmaps.height[owner] - 1, width)):
+    for there, step in zip(followed(lightmaps), steps_of(lightmaps), strict=True):
         other = np.where(there, number + step, number)
         out.append(there & (chart == chart[other]) & (chart >= 0))
     return out[0], out[1]
+
+
+def followed(lightmaps: Lightmaps) -> tuple[np.ndarray, np.ndarray]:
+    """Whether the map goes on to the right of each texel, and below it, (N,) bool each."""
+    owner = lightmaps.texels["object"]
+    row, column = row_and_column(lightmaps, np.arange(len(owner)))
+    return column < lightmaps.width[owner] - 1, row < lightmaps.height[owner] - 1
+
+
+def steps_of(lightmaps: Lightmaps) -> tuple[np.ndarray, np.ndarray]:
+    """By how much the texel to the right of each has a larger number, and the one below it, (N,) int64 each."""
+    width = lightmaps.width[lightmaps.texels["object"]].astype(np.int64)
+    return np.ones_like(width), width
+
+
+def row_and_column(lightmaps: Lightmaps, texel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where texels (M,) lie in their maps, (M,) int64 each."""
+    owner = lightmaps.texels["object"][texel]
+    row, column = np.divmod(texel - lightmaps.offset[owner], lightmaps.width[owner])
+    return row, column
+
+
+def part_of(lightmaps: Lightmaps, number: int) -> slice:
+    """The texels of one map."""
+    first = int(lightmaps.offset[number])
+    return slice(first, first + int(lightmaps.width[number]) * int(lightmaps.height[number]))
 
 
 def lightmap_coordinates(lightmaps: Lightmaps, primitive: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, joined
+from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, joined, steps_of
 
 
 def sides_of(lightmaps: Lightmaps) -> np.ndarray:
@@ -12,10 +12,8 @@ def sides_of(lightmaps: Lightmaps) -> np.ndarray:
     """
     side = np.arange(len(lightmaps.texels))
     valid = lightmaps.texels["state"] == VALID
-    width = lightmaps.width[lightmaps.texels["object"]].astype(np.int64)
-    right, down = joined(lightmaps)
     pairs = []
-    for reached, step in ((right, np.ones_like(width)), (down, width)):
+    for reached, step in zip(joined(lightmaps), steps_of(lightmaps), strict=True):
         first = np.flatnonzero(reached & valid)
         second = first + step[first]
         both = valid[second]

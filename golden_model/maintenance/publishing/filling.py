@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
-from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.numerics.floats import LARGEST_HALF, float_minmax, flush, quiet
+from lightloom.golden_model.scene.lightmap import Lightmaps, part_of
 from lightloom.golden_model.scene.sides import sides_of
 
 _FIXED = 2.0**24
@@ -63,11 +63,10 @@ class Filler:
 
     def _made(self, number: int) -> tuple[np.ndarray, np.ndarray, list[_Level]]:
         """Of a map its own texels, counted from its first, their sides, and its levels up to one cell a side."""
-        width, first = int(self.lightmaps.width[number]), int(self.lightmaps.offset[number])
-        part = slice(first, first + width * int(self.lightmaps.height[number]))
+        part = part_of(self.lightmaps, number)
         texel = np.flatnonzero(self.lightmaps.fill[part] == np.arange(part.start, part.stop))
         _, side = np.unique(self._side[part][texel], return_inverse=True)
-        row, column = np.divmod(texel, width)
+        row, column = np.divmod(texel, int(self.lightmaps.width[number]))
         levels, cells = [], side
         while len(cells) and len(cells) > int(cells.max()) + 1:
             level, (cells, row, column) = _next(cells, row, column)
@@ -127,6 +126,6 @@ def _pushed(level: _Level, coarse: np.ndarray) -> np.ndarray:
 
 def _everywhere(value: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Sides (S, 3) of which some are `known` (S,): the others as the mean of these, rounded down to 2**-24."""
-    fixed = np.rint(float_minmax(value[known], np.float32(65504)).astype(np.float64) * _FIXED).astype(np.int64)
+    fixed = np.rint(float_minmax(value[known], LARGEST_HALF).astype(np.float64) * _FIXED).astype(np.int64)
     mean = (fixed.sum(axis=0) // max(int(known.sum()), 1)).astype(np.float64) / _FIXED
     return np.where(known[:, None], value, mean.astype(np.float32))

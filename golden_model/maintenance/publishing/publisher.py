@@ -14,11 +14,8 @@ from lightloom.golden_model.maintenance.publishing.filling import Filler
 from lightloom.golden_model.maintenance.publishing.mipmaps import renew_levels
 from lightloom.golden_model.maintenance.publishing.regions import regions_of
 from lightloom.golden_model.maintenance.publishing.smoothing import Smoother
-from lightloom.golden_model.numerics.floats import float_minmax, float_to_half, half_to_float, quiet
-from lightloom.golden_model.scene.lightmap import Lightmaps, filled
-
-LARGEST_HALF = np.float32(65504)
-"""Brighter irradiance is published as this."""
+from lightloom.golden_model.numerics.floats import LARGEST_HALF, float_minmax, float_to_half, half_to_float, quiet
+from lightloom.golden_model.scene.lightmap import Lightmaps, filled, part_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,9 +129,7 @@ class Publisher:
 
     def _parts(self, maps: np.ndarray) -> list[slice]:
         """Texels of level 0 of each of `maps`."""
-        lightmaps = self.lightmaps
-        size = lightmaps.width[maps].astype(np.int64) * lightmaps.height[maps]
-        return [slice(int(first), int(first + n)) for first, n in zip(lightmaps.offset[maps], size, strict=True)]
+        return [part_of(self.lightmaps, number) for number in maps.tolist()]
 
 
 def apply(difference: Difference, published: np.ndarray) -> None:
@@ -143,7 +138,7 @@ def apply(difference: Difference, published: np.ndarray) -> None:
 
 
 def publish(lightmaps: Lightmaps, state: np.ndarray, filler: Filler | None = None) -> np.ndarray:
-    """Level 0 alone: TEXEL_STATE (N,) to PUBLISHED_TEXEL (N,), irradiance in binary16, never infinite.
+    """Level 0 alone: TEXEL_STATE (N,) to PUBLISHED_TEXEL (N,), irradiance in binary16, LARGEST_HALF at most.
 
     Texels that have not been sampled yet take a value from the sampled ones around them (`filling`), weight 0. Empty
     and buried texels repeat the texel that `fill` names, so that a bilinear read at a chart's border sees no black.
@@ -152,11 +147,9 @@ def publish(lightmaps: Lightmaps, state: np.ndarray, filler: Filler | None = Non
     sampled = state["count"] > 0
     value = state["irradiance"].copy()
     filler = Filler(lightmaps) if filler is None else filler
-    for number, (width, height, offset) in enumerate(
-        zip(lightmaps.width, lightmaps.height, lightmaps.offset, strict=True)
-    ):
-        part = slice(offset, offset + width * height)
-        if not sampled[part][lightmaps.fill[part][lightmaps.fill[part] >= 0] - offset].all():
+    for number in range(len(lightmaps.width)):
+        part = part_of(lightmaps, number)
+        if not sampled[lightmaps.fill[part][lightmaps.fill[part] >= 0]].all():
             value[part] = filler.fill(number, value[part], sampled[part], state["number"][part] > 0)
     out = np.zeros(len(state), dtype=PUBLISHED_TEXEL)
     out["rgba"] = filled(lightmaps, _packed(value, sampled))
@@ -166,10 +159,10 @@ def publish(lightmaps: Lightmaps, state: np.ndarray, filler: Filler | None = Non
 @quiet
 def _packed(value: np.ndarray, sampled: np.ndarray) -> np.ndarray:
     """Irradiance (M, 3) float32 and a weight (M,) bool to binary16 (M, 4)."""
-    kept = float_minmax(value, np.asarray(LARGEST_HALF))
+    kept = float_minmax(value, LARGEST_HALF)
     return float_to_half(np.concatenate([kept, sampled[:, None].astype(np.float32)], axis=1))
 
 
 def _in_half(value: np.ndarray) -> np.ndarray:
     """Irradiance (M, 3) as binary16 holds it, float32."""
-    return half_to_float(float_to_half(float_minmax(value, np.asarray(LARGEST_HALF))))
+    return half_to_float(float_to_half(float_minmax(value, LARGEST_HALF)))

@@ -27,7 +27,7 @@ from lightloom.golden_model.contract.formats import COUNT_BITS, ONE_SAMPLE
 from lightloom.golden_model.maintenance.sampling.confidence import STALE
 from lightloom.golden_model.numerics.floats import fixed64_to_float, float_divide, float_to_half, half_to_float
 from lightloom.golden_model.numerics.logarithm import half_octaves
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, joined
+from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, joined, steps_of
 
 STEPS = (1, 2)
 """Distance of the neighbours in each pass."""
@@ -63,7 +63,7 @@ class Smoother:
         Aslant they are joined by way of one of the two texels between.
         """
         number = np.arange(len(lightmaps.texels))
-        width = lightmaps.width[lightmaps.texels["object"]].astype(np.int64)
+        _, width = steps_of(lightmaps)
         valid, normal = lightmaps.texels["state"] == VALID, lightmaps.texels["normal"]
         right, down = joined(lightmaps)
 

@@ -9,8 +9,8 @@ STALE = ONE_SAMPLE // 4
 """What is worth less than this is stale: it is not shown where something fresh is near."""
 LEAST_NOISE, MOST_NOISE = 1 << RELATIVE_BITS - 5, 1 << RELATIVE_BITS - 1
 """Bounds of a sample's noise, in 256ths."""
-_UNIT_BITS = 2 * WHOLE_CHANGE - 2 * RELATIVE_BITS + 2 * (RELATIVE_BITS - 1) + COUNT_BITS
-"""The least change, of the noisiest texel, is worth 2**-_UNIT_BITS."""
+_UNIT_BITS = 2 * WHOLE_CHANGE + COUNT_BITS
+"""No power of two below is less than 2**-_UNIT_BITS, so that all are whole in that unit."""
 
 
 def lower(state: np.ndarray, expected: np.ndarray) -> np.ndarray:

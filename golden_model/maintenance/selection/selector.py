@@ -23,7 +23,7 @@ from lightloom.golden_model.maintenance.selection.policy import CLASSES, SHARE, 
 from lightloom.golden_model.maintenance.selection.round_robin import RoundRobin
 from lightloom.golden_model.maintenance.selection.variability import Variability
 from lightloom.golden_model.maintenance.selection.visibility import Sight, Visibility
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
+from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, row_and_column
 from lightloom.golden_model.scene.pinhole import View
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.trace_protocol import Trace
@@ -41,7 +41,7 @@ def coarse_to_fine(lightmaps: Lightmaps, together: int = 1) -> np.ndarray:
     """
     texel = np.flatnonzero(lightmaps.texels["state"] == VALID)
     map_of = lightmaps.texels["object"][texel]
-    row, column = np.divmod(texel - lightmaps.offset[map_of], lightmaps.width[map_of])
+    row, column = row_and_column(lightmaps, texel)
     levels = int(max(row.max(initial=0), column.max(initial=0))).bit_length()
     place, region = np.zeros((2, len(texel)), dtype=np.int64)
     for level in range(max(levels, SIDE_LEVELS)):

@@ -1,14 +1,14 @@
 """The second half of texel visibility: whether a texel is what the four pixels around it see ([0069], [0070], FIG. 9).
 
 Its normal and its depth are compared with those of each pixel; by how much depths may differ depends on how the surface
-lies. What these cheap tests leave in doubt (a depth slightly
-off, a silhouette, the border of the picture) is likely to be seen, and may be decided by a ray from the texel to the
-eye.
+lies. What these cheap tests leave in doubt (a depth slightly off, a silhouette, the border of the picture) is likely to
+be seen, and may be decided by a ray from the texel to the eye.
 """
 
 import numpy as np
 
 from lightloom.golden_model.contract.formats import HIDDEN, LIKELY, LOD_BITS, SEEN, SHORTEST, TAPS, TEXEL_MATCHED
+from lightloom.golden_model.maintenance.selection.texel_project import dot_of, vector_of
 from lightloom.golden_model.numerics.floats import float_minmax, flush, half_to_float, quiet
 
 
@@ -42,8 +42,8 @@ def depth_tolerance(operands: np.ndarray) -> np.ndarray:
 
     Over one it is z*z * (|nx| + |ny|) / (focal * height of the eye over the texel's plane).
     """
-    normal, depth = _vector(operands, "normal"), flush(operands["depth"])
-    across, along = (np.abs(_dot(normal, _vector(operands, axis))) for axis in ("right", "up"))
+    normal, depth = vector_of(operands, "normal"), flush(operands["depth"])
+    across, along = (np.abs(dot_of(normal, vector_of(operands, axis))) for axis in ("right", "up"))
     over = float_minmax(flush(flush(operands["focal"]) * np.abs(flush(operands["above"]))), SHORTEST, True)
     steep = flush(flush(flush(across + along) * depth) / over)
     margin = flush(np.float32(1) + flush(operands["outside"]))
@@ -73,14 +73,4 @@ def _compare(operands: np.ndarray, tolerance: np.ndarray, pixel: int) -> np.ndar
 def _cosine(operands: np.ndarray, pixel: int) -> np.ndarray:
     """Of the angle between a texel's normal and a pixel's, (N,) float32."""
     facing = [half_to_float(operands["pixel_normal"][:, 3 * pixel + k]) for k in range(3)]
-    return _dot(_vector(operands, "normal"), facing)
-
-
-def _vector(operands: np.ndarray, name: str) -> list[np.ndarray]:
-    return [flush(operands[name][:, k]) for k in range(3)]
-
-
-def _dot(a: list[np.ndarray], b: list[np.ndarray]) -> np.ndarray:
-    """(x + y) + z of the products."""
-    x, y, z = (flush(p * q) for p, q in zip(a, b, strict=True))
-    return flush(flush(x + y) + z)
+    return dot_of(vector_of(operands, "normal"), facing)

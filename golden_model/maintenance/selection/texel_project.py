@@ -21,18 +21,18 @@ def texel_project(operands: np.ndarray) -> np.ndarray:
     the screen is a fixed-point number.
     """
     out = np.zeros(len(operands), dtype=TEXEL_PLACE)
-    moved = [flush(a - b) for a, b in zip(_vector(operands, "position"), _vector(operands, "eye"), strict=True)]
+    moved = [flush(a - b) for a, b in zip(vector_of(operands, "position"), vector_of(operands, "eye"), strict=True)]
     # The distance of the eye from the texel's plane, against a part of the distance along the view axis.
-    above = -_dot(_vector(operands, "normal"), moved)
-    depth = _dot(moved, _vector(operands, "forward"))
+    above = -dot_of(vector_of(operands, "normal"), moved)
+    depth = dot_of(moved, vector_of(operands, "forward"))
     below = -flush(_scalar(operands, "facing_slack") * depth)
     facing = np.flatnonzero((depth > _scalar(operands, "near")) & (above > below))
 
     operands, depth, above = operands[facing], depth[facing], above[facing]
     moved = [each[facing] for each in moved]
     enlarged = flush(_scalar(operands, "focal") / depth)  # pixels a unit of length, at this depth
-    x = _on_axis(flush(_dot(moved, _vector(operands, "right")) * enlarged), operands["width"])
-    y = _on_axis(-flush(_dot(moved, _vector(operands, "up")) * enlarged), operands["height"])
+    x = _on_axis(flush(dot_of(moved, vector_of(operands, "right")) * enlarged), operands["width"])
+    y = _on_axis(-flush(dot_of(moved, vector_of(operands, "up")) * enlarged), operands["height"])
     farther = np.maximum(_beyond(x, operands["width"]), _beyond(y, operands["height"]))
     outside = fixed_to_float(farther.astype(np.int32), PIXEL_BITS)
     near = (farther == 0) | (outside < flush(enlarged * _scalar(operands, "texel_size")))
@@ -73,11 +73,12 @@ def _scalar(operands: np.ndarray, name: str) -> np.ndarray:
     return flush(operands[name])
 
 
-def _vector(operands: np.ndarray, name: str) -> Vector:
+def vector_of(operands: np.ndarray, name: str) -> Vector:
+    """A field (N, 3) of operands, flushed."""
     return [flush(np.ascontiguousarray(operands[name][:, k])) for k in range(3)]
 
 
-def _dot(a: Vector, b: Vector) -> np.ndarray:
+def dot_of(a: Vector, b: Vector) -> np.ndarray:
     """(x + y) + z of the products."""
     x, y, z = (flush(p * q) for p, q in zip(a, b, strict=True))
     return flush(flush(x + y) + z)

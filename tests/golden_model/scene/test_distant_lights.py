@@ -98,7 +98,8 @@ def test_balanced_samples_of_a_sky_are_bounded(tmp_path: Path) -> None:
     _, weight = direct_candidates(
         lights, np.zeros_like(normal), normal, np.arange(len(normal)), samples=4, rivals=np.float32(4)
     )
-    assert weight.max() <= np.pi / 16 * float(lights.sky.map.radiance.max()) if lights.sky else False
+    assert lights.sky is not None
+    assert weight.max() <= np.pi / 16 * float(lights.sky.map.radiance.max())
 
 
 def test_the_same_keys_give_the_same_bits_whatever_is_asked_together(tmp_path: Path) -> None:
