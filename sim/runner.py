@@ -34,6 +34,10 @@ VERILATE = ["--cc", "--exe", "--vpi", "--prefix", "Vtop", "--x-initial", "unique
 STREAM_PORTS = ("clk", "rst", "i__valid", "i__ready", "i__payload", "o__valid", "o__ready", "o__payload")
 """The ports of a unit with one stream in and one out."""
 
+QUICK_START = {"COCOTB_REWRITE_ASSERTION_FILES": "test_*.py", "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+"""cocotb lets pytest show the values in every assertion of every module, and load its plugins, which takes a second a
+run. The benches are enough."""
+
 
 class BenchError(Exception):
     """A bench failed. The message names the log and holds its end."""
@@ -135,7 +139,7 @@ def run_cocotb(
     traced = folder / f"{top}.fst"
     files = [f"+dumpfile_path={traced}"] if waves and simulator == "icarus" else []
     files += [f"+verilator+coverage+file+{folder / 'coverage.dat'}"] if coverage else []
-    told = {"COCOTB_ANSI_OUTPUT": "0", **({BINS: str(folder / "bins.jsonl")} if coverage else {})}
+    told = {"COCOTB_ANSI_OUTPUT": "0", **QUICK_START, **({BINS: str(folder / "bins.jsonl")} if coverage else {})}
     told |= {"COCOTB_TEST_FILTER": only} if only else {}
     # The runner raises SystemExit where a test failed; the results below say which.
     with contextlib.suppress(SystemExit):
