@@ -68,7 +68,7 @@ def texel_project(record: Record) -> Record:
     normal, focal = bits(record, "normal"), one(record, "focal")
     moved = [subtract(*pair) for pair in zip(bits(record, "position"), bits(record, "eye"), strict=True)]
     depth, over = dot(moved, axes["forward"]), dot(normal, moved) ^ SIGN
-    slack = exact.float_multiply(one(record, "facing_slack"), depth) ^ SIGN
+    slack = exact.float_multiply((127 - int(record["facing_shift"])) << 23, depth) ^ SIGN
     enlarged = exact.float_divide(focal, depth)
     across, down = (exact.float_multiply(dot(moved, axes[name]), enlarged) for name in ("right", "up"))
     places = {}

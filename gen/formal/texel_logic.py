@@ -10,7 +10,7 @@ from amaranth.lib import wiring
 
 from lightloom.gen.formal.all_inputs import Gates
 from lightloom.gen.formal.properties import Exhaustive, Property
-from lightloom.golden_model.contract.formats import HIDDEN, LIKELY, SEEN, TAPS
+from lightloom.golden_model.contract.formats import FACING_BITS, HIDDEN, LIKELY, SEEN, TAPS
 from lightloom.rtl.maintenance import texel_blend, texel_match, texel_project
 
 Operands = dict[str, np.ndarray]
@@ -101,6 +101,22 @@ def _beyond(i: Operands) -> np.ndarray:
     return np.maximum(np.maximum(-place, place - 256 * i["size"]), 0)
 
 
+SHORT_FRACTION = 7
+"""Bits, of float32 numbers cut to 16."""
+
+
+def _scaled_down(i: Operands) -> np.ndarray:
+    """What is below the least normal number is rounded to the places of subnormal ones, and flushed if it stays one."""
+    z, shift = i["z"].astype(np.int64), i["shift"].astype(np.int64)
+    sign, exponent, fraction = z >> 15, (z >> SHORT_FRACTION) & 0xFF, z & (1 << SHORT_FRACTION) - 1
+    magnitude = np.ldexp((1 << SHORT_FRACTION) + fraction.astype(np.float64), np.minimum(exponent - shift, 1))
+    places = np.rint(np.ldexp(magnitude, -1)).astype(np.int64)  # of the least subnormal number; ties to even
+    normal = np.where(exponent > shift, z & 0x7FFF, 0) - np.where(exponent > shift, shift << SHORT_FRACTION, 0)
+    raised = np.where(places >= 1 << SHORT_FRACTION, 1 << SHORT_FRACTION, 0)
+    finite = np.where(exponent > shift, normal, np.where(exponent > 0, raised, 0))
+    return np.where(exponent == 0xFF, z, finite | (sign << 15))
+
+
 def _running_deviation(i: Operands) -> np.ndarray:
     weight = np.select([i["count"] < 2, i["count"] < 4, i["count"] < 8], [1, 2, 4], 8)
     difference = i["latest"] - i["usual"]
@@ -140,6 +156,10 @@ SUBJECTS: tuple[tuple[str, str, str, Function, dict[str, int], Callable[[Operand
     (
         *("texel_project", "beyond", "places of 16 bits, sides of 6: how far beyond either end"),
         *(texel_project.beyond, {"at": PLACE_WIDTH, "size": SIZE_WIDTH}, _beyond, ONCE),
+    ),
+    (
+        *("texel_project", "scaled-down", "every number with a fraction of 7 bits, by every shift"),
+        *(texel_project.scaled_down, {"z": 16, "shift": FACING_BITS}, _scaled_down, ONCE),
     ),
     (
         *("texel_blend", "running-deviation", "every deviation after every other, with counts of all weights"),

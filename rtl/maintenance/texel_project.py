@@ -18,7 +18,7 @@ MOST_BITS = 31
 
 
 class TexelProject(DataflowCore):
-    """15 multiplications, 11 additions, a division."""
+    """14 multiplications, 11 additions, a division."""
 
     declared = PURE["texel_project"]
 
@@ -38,7 +38,7 @@ class TexelProject(DataflowCore):
         width: Node,
         height: Node,
         texel_size: Node,
-        facing_slack: Node,
+        facing_shift: Node,
     ) -> Mapping[str, Any]:
         f = FloatFlow(flow, config.operators)
         moved = [f.subtract(f"moved{k}", position[k], eye[k]) for k in range(3)]
@@ -46,7 +46,7 @@ class TexelProject(DataflowCore):
         enlarged = f.divide("enlarged", focal, depth)  # pixels a unit of length, at this depth
         across, along = f.dot("across", moved, right), f.dot("along", moved, up)
         under = f.dot("under", normal, moved)
-        horizon = f.negate("horizon", f.multiply("slack", facing_slack, depth))
+        horizon = f.negate("horizon", flow.logic("slack", scaled_down, depth, facing_shift, stage=True))
         above = f.negate("above", under)
         facing = f.compare("facing", above, horizon)
         beyond = f.compare("beyond", depth, near)
@@ -70,6 +70,20 @@ class TexelProject(DataflowCore):
             "column": [shown(f"column{k}", column) for k, column in enumerate(columns)],
             "row": [shown(f"row{k}", row) for k, row in enumerate(rows)],
         }
+
+
+def scaled_down(z: Value, shift: Value) -> Value:
+    """z / 2**shift of a result z of an operator, rounded as a product is."""
+    fraction, exponent, sign = z[:-9], z[-9:-1], z[-1]
+    lowered = exponent - shift
+    # Of a number below the least normal one only what IEEE rounds up to that is kept: ones with an exponent of 0.
+    ones = ~lowered.any() & fraction.all() & shift.any()
+    special, under = exponent.all(), lowered <= 0
+    return Cat(
+        fraction & (special | ~under).replicate(len(fraction)),
+        Mux(special, exponent, Mux(under, ones, lowered[: len(exponent)])),
+        sign,
+    )
 
 
 def _on_axis(

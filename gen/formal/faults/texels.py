@@ -27,6 +27,7 @@ FAULTS = (
     _fault(PROJECT, "rows-upwards", 'f.negate("down", along)', "along", "rows count from the bottom"),
     _fault(PROJECT, "facing-away", '"facing", above, horizon', '"facing", under, horizon', "texels face the other way"),
     _fault(PROJECT, "no-slack", 'facing["greater"], beyond', 'beyond["greater"], beyond', "all texels face the eye"),
+    _fault(PROJECT, "slack-of-all", "lowered = exponent - shift", "lowered = exponent - 0", "the slack is 1 always"),
     _fault(PROJECT, "near-ignored", 'beyond["greater"], near', 'facing["greater"], near', "nothing is too near"),
     _fault(
         PROJECT,

@@ -16,16 +16,17 @@ Vector = list[np.ndarray]
 def texel_project(operands: np.ndarray) -> np.ndarray:
     """TEXEL_PROJECT (N,) to TEXEL_PLACE (N,).
 
-    A texel is visible if it lies beyond the near plane, faces the eye down to `facing_slack` below its horizon, and is
-    on the screen or off it by less than a texel: pixels at the border may read the texel all the same. Where it lies on
-    the screen is a fixed-point number.
+    A texel is visible if it lies beyond the near plane, faces the eye down to 2**-facing_shift below its horizon, and
+    is on the screen or off it by less than a texel: pixels at the border may read the texel all the same. Where it lies
+    on the screen is a fixed-point number.
     """
     out = np.zeros(len(operands), dtype=TEXEL_PLACE)
     moved = [flush(a - b) for a, b in zip(vector_of(operands, "position"), vector_of(operands, "eye"), strict=True)]
     # The distance of the eye from the texel's plane, against a part of the distance along the view axis.
     above = -dot_of(vector_of(operands, "normal"), moved)
     depth = dot_of(moved, vector_of(operands, "forward"))
-    below = -flush(_scalar(operands, "facing_slack") * depth)
+    slack = np.ldexp(np.float32(1), -operands["facing_shift"].astype(np.int32))
+    below = -flush(slack * depth)
     facing = np.flatnonzero((depth > _scalar(operands, "near")) & (above > below))
 
     operands, depth, above = operands[facing], depth[facing], above[facing]
