@@ -90,7 +90,7 @@ def texel_project(record: Record) -> Record:
     for name, side in (("column", "width"), ("row", "height")):
         first = (places[side] - 128) // 256
         last = int(record[side]) - 1
-        out[name] = [(0 if tap < 0 else last if tap > last else tap) & 0x7FFF for tap in (first, first + 1)]
+        out[name] = [(0 if tap < 0 else last if tap > last else tap) & 0x7FFF for tap in (first, first + (last > 0))]
     return out
 
 

@@ -10,7 +10,7 @@ from amaranth.lib import wiring
 
 from lightloom.gen.formal.all_inputs import Gates
 from lightloom.gen.formal.properties import Exhaustive, Property
-from lightloom.golden_model.contract.formats import FACING_BITS, HIDDEN, LIKELY, SEEN, TAPS
+from lightloom.golden_model.contract.formats import FACING_BITS, HIDDEN, LIKELY, PIXEL_BITS, SEEN, TAPS
 from lightloom.rtl.maintenance import texel_blend, texel_match, texel_project
 
 Operands = dict[str, np.ndarray]
@@ -91,13 +91,15 @@ PLACE_WIDTH, SIZE_WIDTH = 16, 6
 
 
 def _tap(i: Operands, offset: int) -> np.ndarray:
-    place = signed(i["at"], PLACE_WIDTH) / 256  # what was lost in rounding down changes nothing
-    first, last = np.floor(place - 0.5).astype(np.int64) + offset, i["size"] - 1
-    return np.where(first < 0, 0, np.minimum(first, last))
+    """The second is the next pixel, kept on the screen; where there is none, it is the first."""
+    place = signed(i["moved"], PLACE_WIDTH) / 256 + i["size"] / 2  # what was lost in rounding down changes nothing
+    first, last = np.floor(place - 0.5).astype(np.int64), i["size"].astype(np.int64) - 1
+    pixel = first + np.where(last > 0, offset, 0)
+    return np.where(pixel < 0, 0, np.minimum(pixel, last))
 
 
 def _beyond(i: Operands) -> np.ndarray:
-    place = signed(i["at"], PLACE_WIDTH)
+    place = signed(i["moved"], PLACE_WIDTH) + 128 * i["size"]
     return np.maximum(np.maximum(-place, place - 256 * i["size"]), 0)
 
 
@@ -124,8 +126,13 @@ def _running_deviation(i: Operands) -> np.ndarray:
     return np.where(i["count"] > 0, i["usual"] + np.sign(difference) * step, 0)
 
 
-def _tap_at(offset: int) -> Function:
-    return lambda at, size: texel_project.tap(at, size, offset)
+def _tap_at(which: int) -> Function:
+    def pixel(moved: Value, size: Value) -> Value:
+        """In the bits that a place of this width gives; of a size of 0 all ones."""
+        both = texel_project.pair(texel_project.first_pixel(moved, size), size)
+        return texel_project.tap(both, which)[: PLACE_WIDTH - PIXEL_BITS]
+
+    return pixel
 
 
 ONCE: Sequence[dict[str, int]] = ({},)
@@ -149,13 +156,13 @@ SUBJECTS: tuple[tuple[str, str, str, Function, dict[str, int], Callable[[Operand
     *(
         (
             *("texel_project", f"tap{offset}", "places of 16 bits, sides of 6: the pixel, kept on the screen"),
-            *(_tap_at(offset), {"at": PLACE_WIDTH, "size": SIZE_WIDTH}, partial(_tap, offset=offset), ONCE),
+            *(_tap_at(offset), {"moved": PLACE_WIDTH, "size": SIZE_WIDTH}, partial(_tap, offset=offset), ONCE),
         )
         for offset in (0, 1)
     ),
     (
         *("texel_project", "beyond", "places of 16 bits, sides of 6: how far beyond either end"),
-        *(texel_project.beyond, {"at": PLACE_WIDTH, "size": SIZE_WIDTH}, _beyond, ONCE),
+        *(texel_project.beyond, {"moved": PLACE_WIDTH, "size": SIZE_WIDTH}, _beyond, ONCE),
     ),
     (
         *("texel_project", "scaled-down", "every number with a fraction of 7 bits, by every shift"),

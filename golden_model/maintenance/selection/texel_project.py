@@ -63,11 +63,13 @@ def _beyond(place: np.ndarray, size: np.ndarray) -> np.ndarray:
 def _taps(place: np.ndarray, size: np.ndarray) -> np.ndarray:
     """The two pixels (of a row or column) whose centres lie around places (N,), kept on the screen: (N, 2).
 
-    The first is the greatest integer that is not more than the place less a half.
+    The first is the greatest integer that is not more than the place less a half. The second is the next one where both
+    are on the screen, else the same.
     """
-    first = (place - (1 << PIXEL_BITS - 1)) >> PIXEL_BITS
-    both, last = np.stack([first, first + 1], axis=1), size.astype(np.int64)[:, None] - 1
-    return np.where(both < 0, 0, np.where(both > last, last, both)) & ((1 << SCREEN_BITS) - 1)
+    first, last = (place - (1 << PIXEL_BITS - 1)) >> PIXEL_BITS, size.astype(np.int64) - 1
+    kept = np.where(first < 0, 0, np.minimum(first, last))
+    second = kept + ((first >= 0) & (first < last))
+    return np.stack([kept, second], axis=1) & ((1 << SCREEN_BITS) - 1)
 
 
 def _scalar(operands: np.ndarray, name: str) -> np.ndarray:
