@@ -68,7 +68,7 @@ def texel_project(record: Record) -> Record:
     normal, focal = bits(record, "normal"), one(record, "focal")
     moved = [subtract(*pair) for pair in zip(bits(record, "position"), bits(record, "eye"), strict=True)]
     depth, over = dot(moved, axes["forward"]), dot(normal, moved) ^ SIGN
-    slack = exact.float_multiply(one(record, "facing_slack"), depth) ^ SIGN
+    slack = exact.float_multiply((127 - int(record["facing_shift"])) << 23, depth) ^ SIGN
     enlarged = exact.float_divide(focal, depth)
     across, down = (exact.float_multiply(dot(moved, axes[name]), enlarged) for name in ("right", "up"))
     places = {}
@@ -90,7 +90,7 @@ def texel_project(record: Record) -> Record:
     for name, side in (("column", "width"), ("row", "height")):
         first = (places[side] - 128) // 256
         last = int(record[side]) - 1
-        out[name] = [(0 if tap < 0 else last if tap > last else tap) & 0x7FFF for tap in (first, first + 1)]
+        out[name] = [(0 if tap < 0 else last if tap > last else tap) & 0x7FFF for tap in (first, first + (last > 0))]
     return out
 
 

@@ -10,7 +10,7 @@ from amaranth.lib import wiring
 
 from lightloom.gen.formal.all_inputs import Gates
 from lightloom.gen.formal.properties import Exhaustive, Property
-from lightloom.golden_model.contract.formats import HIDDEN, LIKELY, SEEN, TAPS
+from lightloom.golden_model.contract.formats import FACING_BITS, HIDDEN, LIKELY, PIXEL_BITS, SEEN, TAPS
 from lightloom.rtl.maintenance import texel_blend, texel_match, texel_project
 
 Operands = dict[str, np.ndarray]
@@ -91,14 +91,32 @@ PLACE_WIDTH, SIZE_WIDTH = 16, 6
 
 
 def _tap(i: Operands, offset: int) -> np.ndarray:
-    place = signed(i["at"], PLACE_WIDTH) / 256  # what was lost in rounding down changes nothing
-    first, last = np.floor(place - 0.5).astype(np.int64) + offset, i["size"] - 1
-    return np.where(first < 0, 0, np.minimum(first, last))
+    """The second is the next pixel, kept on the screen; where there is none, it is the first."""
+    place = signed(i["moved"], PLACE_WIDTH) / 256 + i["size"] / 2  # what was lost in rounding down changes nothing
+    first, last = np.floor(place - 0.5).astype(np.int64), i["size"].astype(np.int64) - 1
+    pixel = first + np.where(last > 0, offset, 0)
+    return np.where(pixel < 0, 0, np.minimum(pixel, last))
 
 
 def _beyond(i: Operands) -> np.ndarray:
-    place = signed(i["at"], PLACE_WIDTH)
+    place = signed(i["moved"], PLACE_WIDTH) + 128 * i["size"]
     return np.maximum(np.maximum(-place, place - 256 * i["size"]), 0)
+
+
+SHORT_FRACTION = 7
+"""Bits, of float32 numbers cut to 16."""
+
+
+def _scaled_down(i: Operands) -> np.ndarray:
+    """What is below the least normal number is rounded to the places of subnormal ones, and flushed if it stays one."""
+    z, shift = i["z"].astype(np.int64), i["shift"].astype(np.int64)
+    sign, exponent, fraction = z >> 15, (z >> SHORT_FRACTION) & 0xFF, z & (1 << SHORT_FRACTION) - 1
+    magnitude = np.ldexp((1 << SHORT_FRACTION) + fraction.astype(np.float64), np.minimum(exponent - shift, 1))
+    places = np.rint(np.ldexp(magnitude, -1)).astype(np.int64)  # of the least subnormal number; ties to even
+    normal = np.where(exponent > shift, z & 0x7FFF, 0) - np.where(exponent > shift, shift << SHORT_FRACTION, 0)
+    raised = np.where(places >= 1 << SHORT_FRACTION, 1 << SHORT_FRACTION, 0)
+    finite = np.where(exponent > shift, normal, np.where(exponent > 0, raised, 0))
+    return np.where(exponent == 0xFF, z, finite | (sign << 15))
 
 
 def _running_deviation(i: Operands) -> np.ndarray:
@@ -108,8 +126,13 @@ def _running_deviation(i: Operands) -> np.ndarray:
     return np.where(i["count"] > 0, i["usual"] + np.sign(difference) * step, 0)
 
 
-def _tap_at(offset: int) -> Function:
-    return lambda at, size: texel_project.tap(at, size, offset)
+def _tap_at(which: int) -> Function:
+    def pixel(moved: Value, size: Value) -> Value:
+        """In the bits that a place of this width gives; of a size of 0 all ones."""
+        both = texel_project.pair(texel_project.first_pixel(moved, size), size)
+        return texel_project.tap(both, which)[: PLACE_WIDTH - PIXEL_BITS]
+
+    return pixel
 
 
 ONCE: Sequence[dict[str, int]] = ({},)
@@ -133,13 +156,17 @@ SUBJECTS: tuple[tuple[str, str, str, Function, dict[str, int], Callable[[Operand
     *(
         (
             *("texel_project", f"tap{offset}", "places of 16 bits, sides of 6: the pixel, kept on the screen"),
-            *(_tap_at(offset), {"at": PLACE_WIDTH, "size": SIZE_WIDTH}, partial(_tap, offset=offset), ONCE),
+            *(_tap_at(offset), {"moved": PLACE_WIDTH, "size": SIZE_WIDTH}, partial(_tap, offset=offset), ONCE),
         )
         for offset in (0, 1)
     ),
     (
         *("texel_project", "beyond", "places of 16 bits, sides of 6: how far beyond either end"),
-        *(texel_project.beyond, {"at": PLACE_WIDTH, "size": SIZE_WIDTH}, _beyond, ONCE),
+        *(texel_project.beyond, {"moved": PLACE_WIDTH, "size": SIZE_WIDTH}, _beyond, ONCE),
+    ),
+    (
+        *("texel_project", "scaled-down", "every number with a fraction of 7 bits, by every shift"),
+        *(texel_project.scaled_down, {"z": 16, "shift": FACING_BITS}, _scaled_down, ONCE),
     ),
     (
         *("texel_blend", "running-deviation", "every deviation after every other, with counts of all weights"),

@@ -418,11 +418,12 @@ TEXEL_BLENDED = np.dtype(
 
 # --- texel visibility ---------------------------------------------------------------------------------------------
 # A texel and a view: its surface point and unit normal, the camera (`pinhole.View`), the side of a texel in the scene's
-# unit, how far below its horizon a texel still counts as facing the eye (`policy.Policy`).
+# unit, how far below its horizon a texel still counts as facing the eye (`policy.Policy`): 2**-facing_shift.
 SCREEN_BITS = 15
 """Of a picture's sides, 1 to 16384 pixels, and of rows and columns."""
 PIXEL_BITS = 8
 """Bits after the point of a place on the screen, in pixels."""
+FACING_BITS = 5
 SHORTEST = np.float32(2.0**-40)
 """Stands in for distances of zero."""
 UNSEEN, HIDDEN, LIKELY, SEEN = range(4)
@@ -443,7 +444,7 @@ TEXEL_PROJECT = np.dtype(
         ("width", bits(SCREEN_BITS)),
         ("height", bits(SCREEN_BITS)),
         ("texel_size", F4),
-        ("facing_slack", F4),
+        ("facing_shift", bits(FACING_BITS)),
     ]
 )
 

@@ -78,7 +78,7 @@ def _seen_at(x: np.ndarray, y: np.ndarray, depth: np.ndarray, size: np.ndarray, 
     out["focal"], out["near"] = focal, np.abs(depth) * rng.choice([0.001, 0.5, 1.0], count, p=[0.9, 0.05, 0.05])
     out["width"], out["height"] = width, height
     out["texel_size"] = np.abs(depth) / focal * np.exp2(rng.uniform(-4, 3, count))
-    out["facing_slack"] = rng.choice([0.0, 0.0625, 1.0], count, p=[0.1, 0.8, 0.1])
+    out["facing_shift"] = rng.choice([31, 4, 0], count, p=[0.1, 0.8, 0.1])
     return out
 
 

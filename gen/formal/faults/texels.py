@@ -27,6 +27,7 @@ FAULTS = (
     _fault(PROJECT, "rows-upwards", 'f.negate("down", along)', "along", "rows count from the bottom"),
     _fault(PROJECT, "facing-away", '"facing", above, horizon', '"facing", under, horizon', "texels face the other way"),
     _fault(PROJECT, "no-slack", 'facing["greater"], beyond', 'beyond["greater"], beyond', "all texels face the eye"),
+    _fault(PROJECT, "slack-of-all", "lowered = exponent - shift", "lowered = exponent - 0", "the slack is 1 always"),
     _fault(PROJECT, "near-ignored", 'beyond["greater"], near', 'facing["greater"], near', "nothing is too near"),
     _fault(
         PROJECT,
@@ -35,13 +36,27 @@ FAULTS = (
         'farther, off["greater"])',
         "only what is off the screen is on it",
     ),
-    _fault(PROJECT, "one-side-of-the-screen", "Mux(place < 0, -place,", "Mux(place < 0, 0,", "no left and upper end"),
-    _fault(PROJECT, "other-side-of-the-screen", "Mux(after > 0, after, 0)", "0", "no right and lower end"),
+    _fault(
+        PROJECT,
+        "one-side-of-the-screen",
+        "Mux(halves < 0, 0,",
+        "Mux((halves < 0) | negative, 0,",
+        "no left and upper end",
+    ),
+    _fault(
+        PROJECT,
+        "other-side-of-the-screen",
+        "Mux(halves < 0, 0,",
+        "Mux((halves < 0) | ~negative, 0,",
+        "no right and lower end",
+    ),
     _fault(PROJECT, "far-off-wraps", " | distance[MOST_BITS:].any()", " | 0 & distance[0]", "what is far off is near"),
-    _fault(PROJECT, "half-of-the-width", "(size << PIXEL_BITS - 1)", "(size << PIXEL_BITS - 2)", "middle at a quarter"),
-    _fault(PROJECT, "taps-from-corners", "(1 << PIXEL_BITS - 1))[", "0)[", "pixels' corners, not centres"),
-    _fault(PROJECT, "taps-off-the-screen", "Mux(first > last, last, first)", "first", "pixels beyond the last"),
-    _fault(PROJECT, "taps-unsigned", "Mux(first < 0, 0,", "Mux(first < -1, 0,", "pixels before the first"),
+    _fault(PROJECT, "half-of-the-width", "+ (size - 1))[1:]", "+ ((size - 1) >> 1))[1:]", "middle at a quarter"),
+    _fault(PROJECT, "taps-from-corners", "+ (size - 1))[1:]", "+ size)[1:]", "pixels' corners, not centres"),
+    _fault(PROJECT, "taps-off-the-screen", "Mux(inner, first, last)", "first", "pixels beyond the last"),
+    _fault(
+        PROJECT, "taps-unsigned", "before, inner = first < 0,", "before, inner = first < -1,", "pixels before the first"
+    ),
     _fault(
         PROJECT, "height-of-the-texel", 'shown("above_out", above)', 'shown("above_out", under)', "the eye is below"
     ),

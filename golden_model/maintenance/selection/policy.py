@@ -38,7 +38,8 @@ class Policy:
         0.0625,
         0.0,
         1.0,
-        "A texel faces the eye down to this sine below its horizon: shading normals lean away from their face.",
+        "A texel faces the eye down to this sine below its horizon: shading normals lean away from their face. "
+        "It counts as the greatest power of two that is not more, and at least 2**-31.",
     )
     depth_slopes: float = number(1.0, 0.0, 16.0, "Depths match within the surface's slope over so many pixels.")
     depth_limit: float = number(

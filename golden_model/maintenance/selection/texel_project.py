@@ -16,16 +16,17 @@ Vector = list[np.ndarray]
 def texel_project(operands: np.ndarray) -> np.ndarray:
     """TEXEL_PROJECT (N,) to TEXEL_PLACE (N,).
 
-    A texel is visible if it lies beyond the near plane, faces the eye down to `facing_slack` below its horizon, and is
-    on the screen or off it by less than a texel: pixels at the border may read the texel all the same. Where it lies on
-    the screen is a fixed-point number.
+    A texel is visible if it lies beyond the near plane, faces the eye down to 2**-facing_shift below its horizon, and
+    is on the screen or off it by less than a texel: pixels at the border may read the texel all the same. Where it lies
+    on the screen is a fixed-point number.
     """
     out = np.zeros(len(operands), dtype=TEXEL_PLACE)
     moved = [flush(a - b) for a, b in zip(vector_of(operands, "position"), vector_of(operands, "eye"), strict=True)]
     # The distance of the eye from the texel's plane, against a part of the distance along the view axis.
     above = -dot_of(vector_of(operands, "normal"), moved)
     depth = dot_of(moved, vector_of(operands, "forward"))
-    below = -flush(_scalar(operands, "facing_slack") * depth)
+    slack = np.ldexp(np.float32(1), -operands["facing_shift"].astype(np.int32))
+    below = -flush(slack * depth)
     facing = np.flatnonzero((depth > _scalar(operands, "near")) & (above > below))
 
     operands, depth, above = operands[facing], depth[facing], above[facing]
@@ -62,11 +63,13 @@ def _beyond(place: np.ndarray, size: np.ndarray) -> np.ndarray:
 def _taps(place: np.ndarray, size: np.ndarray) -> np.ndarray:
     """The two pixels (of a row or column) whose centres lie around places (N,), kept on the screen: (N, 2).
 
-    The first is the greatest integer that is not more than the place less a half.
+    The first is the greatest integer that is not more than the place less a half. The second is the next one where both
+    are on the screen, else the same.
     """
-    first = (place - (1 << PIXEL_BITS - 1)) >> PIXEL_BITS
-    both, last = np.stack([first, first + 1], axis=1), size.astype(np.int64)[:, None] - 1
-    return np.where(both < 0, 0, np.where(both > last, last, both)) & ((1 << SCREEN_BITS) - 1)
+    first, last = (place - (1 << PIXEL_BITS - 1)) >> PIXEL_BITS, size.astype(np.int64) - 1
+    kept = np.where(first < 0, 0, np.minimum(first, last))
+    second = kept + ((first >= 0) & (first < last))
+    return np.stack([kept, second], axis=1) & ((1 << SCREEN_BITS) - 1)
 
 
 def _scalar(operands: np.ndarray, name: str) -> np.ndarray:

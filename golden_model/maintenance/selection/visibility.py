@@ -6,11 +6,13 @@ off, a silhouette, the border of the picture) is likely to be seen, and may be d
 eye.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from lightloom.golden_model.contract.formats import (
+    FACING_BITS,
     HIDDEN,
     LIKELY,
     PIXEL,
@@ -73,8 +75,14 @@ def _to_project(position: np.ndarray, normal: np.ndarray, view: View, texel_size
     out["position"], out["normal"], out["eye"] = position, normal, view.position
     for name in ("right", "up", "forward", "focal", "near", "width", "height"):
         out[name] = getattr(view, name)
-    out["texel_size"], out["facing_slack"] = texel_size, policy.facing_slack
+    out["texel_size"], out["facing_shift"] = texel_size, facing_shift(policy.facing_slack)
     return out
+
+
+def facing_shift(slack: float) -> int:
+    """n of the greatest 2**-n that is not more than a slack of 0 to 1, at most what the field holds."""
+    most = (1 << FACING_BITS) - 1
+    return min(1 - math.frexp(slack)[1], most) if slack else most
 
 
 def _to_match(
