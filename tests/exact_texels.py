@@ -153,6 +153,13 @@ def spread(record: Record) -> int:
     return relative(exact.float_sqrt(variance), integer(int(record["sums"][0]) + int(record["sums"][1])))
 
 
+def bias(old: int, departure: int, weight: int, heavy: bool) -> int:
+    mean = old + (1 if departure > old else -1) * -(-abs(departure - old) // weight)
+    part = 2 if heavy else 2 * weight if weight < 8 else 0
+    left = abs(mean) - (abs(mean) // part if part else 0)
+    return left if mean > 0 else -left
+
+
 def texel_blend(record: Record) -> Record:
     out = np.zeros(1, dtype=TEXEL_BLENDED)[0]
     count, heavy, usual = (int(record[name]) for name in ("count", "heavy", "deviation"))
@@ -172,5 +179,7 @@ def texel_blend(record: Record) -> Record:
         weight = 1 if whole == 1 else 2 if whole < 4 else 4 if whole < 8 else 8
         step = -(-abs(latest - usual) // weight)
         out["deviation"] = usual + step if latest > usual else usual - step
+        departure = -latest if exact.float_compare(after, before) == LESS else latest
+        out["bias"] = bias(int(record["bias"]), departure, weight, heavy > 0)
     out["spread"] = spread(record)
     return out

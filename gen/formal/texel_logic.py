@@ -126,6 +126,15 @@ def _running_deviation(i: Operands) -> np.ndarray:
     return np.where(i["count"] > 0, i["usual"] + np.sign(difference) * step, 0)
 
 
+def _running_bias(i: Operands) -> np.ndarray:
+    """By the definition of docs/update.md."""
+    departure, bias = np.where(i["darker"] == 1, -i["latest"], i["latest"]), signed(i["bias"], BIAS)
+    weight = np.select([i["count"] < 2, i["count"] < 4, i["count"] < 8], [1, 2, 4], 8)
+    mean = bias + np.sign(departure - bias) * -(-np.abs(departure - bias) // weight)
+    parts = np.where((weight == 8) & (i["heavy"] == 0), 0, np.abs(mean) // np.where(i["heavy"] == 1, 2, 2 * weight))
+    return np.where(i["count"] > 0, mean - np.sign(mean) * parts, 0)
+
+
 def _tap_at(which: int) -> Function:
     def pixel(moved: Value, size: Value) -> Value:
         """In the bits that a place of this width gives; of a size of 0 all ones."""
@@ -138,6 +147,7 @@ def _tap_at(which: int) -> Function:
 ONCE: Sequence[dict[str, int]] = ({},)
 FLAGS = ("normal_test", "depth_test", "same_normal", "same_depth", "not_behind", "empty")
 DEVIATION = texel_blend.RELATIVE_WIDTH
+BIAS = 9
 COUNTS = tuple({"count": count} for count in (*range(10), 64, 128, 255))
 """The count enters by what it is at least: 1, 2, 4, 8."""
 
@@ -173,6 +183,12 @@ SUBJECTS: tuple[tuple[str, str, str, Function, dict[str, int], Callable[[Operand
         texel_blend.running_deviation,
         {"latest": DEVIATION, "usual": DEVIATION, "count": 8},
         *(_running_deviation, COUNTS),
+    ),
+    (
+        *("texel_blend", "running-bias", "every departure after every bias, with counts of all weights"),
+        texel_blend.running_bias,
+        {"latest": BIAS - 1, "darker": 1, "bias": BIAS, "heavy": 1, "count": 8},
+        *(_running_bias, COUNTS),
     ),
 )
 

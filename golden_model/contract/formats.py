@@ -335,12 +335,12 @@ GBUFFER = np.dtype(
 PIXEL = np.dtype([("depth", F4), ("normal", F2, (3,)), ("lod", I2), ("reserved", U4)])
 
 # --- lightmap maintenance -----------------------------------------------------------------------------------------
-# The maintained texel, 20 bytes in hardware: irradiance RGB; the frame of the last update, modulo FRAMES; `number`, the
+# The maintained texel, 22 bytes in hardware: irradiance RGB; the frame of the last update, modulo FRAMES; `number`, the
 # updates it has had, modulo 4096: it selects the run of the sequences; `count`, the samples that the running average is
 # worth, in 16ths: it stops at 4095 and is 0 where nothing is known; `heavy`, how many updates still to come weigh more
 # after a change; `noticed`, the last sample departed from the average by more than is usual. In 1/256ths and up to
 # 4095: `deviation`, the running mean of |sample - average| over the average; `spread`, the standard error of the last
-# sample over itself.
+# sample over itself; `bias`, with its sign, the running mean of (sample - average) over the average.
 FRAMES = 4096
 """The frames of updates are numbered modulo FRAMES."""
 TEXEL_STATE = np.dtype(
@@ -353,6 +353,7 @@ TEXEL_STATE = np.dtype(
         ("noticed", BOOL),
         ("deviation", bits(12)),
         ("spread", bits(12)),
+        ("bias", signed_bits(13)),
     ]
 )
 
@@ -396,6 +397,7 @@ TEXEL_BLEND = np.dtype(
         ("count", bits(12)),
         ("heavy", bits(3)),
         ("deviation", bits(12)),
+        ("bias", signed_bits(13)),
         *((name, SAMPLE_SUMS[name]) for name in SAMPLE_SUMS.names or ()),
         ("fraction", bits(5)),
         ("alpha_min", F4),
@@ -412,6 +414,7 @@ TEXEL_BLENDED = np.dtype(
         ("heavy", bits(3)),
         ("noticed", BOOL),
         ("deviation", bits(12)),
+        ("bias", signed_bits(13)),
         ("spread", bits(12)),
     ]
 )

@@ -10,7 +10,7 @@ import numpy as np
 from lightloom.golden_model.contract.formats import TEXEL_STATE
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.maintenance.drift import departures
-from lightloom.golden_model.maintenance.sampling.confidence import lower
+from lightloom.golden_model.maintenance.sampling.confidence import limit, lower
 from lightloom.golden_model.maintenance.sampling.gather import Gathered, World, gather
 from lightloom.golden_model.maintenance.sampling.running_average import blend_texels, drop, mark_heavy
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
@@ -114,6 +114,7 @@ class Maintainer:
             reserve = self.sampling.reserve(world.scene.specular)
             plan = self.selector.plan(context, budget, reserve, self.sampling.directions)
             plan.mark(self.state, self.policy.heavy_updates)
+            limit(self.state, plan.most)
             stale = lower(self.state, plan.expected)
         drifting = self._drifting_maps()
         waiting = np.concatenate([plan.texel, plan.spare])

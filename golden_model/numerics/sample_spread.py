@@ -21,7 +21,9 @@ from lightloom.golden_model.numerics.floats import (
 from lightloom.golden_model.numerics.vectors import dot
 
 MEMORY_BITS = 3
-"""The running mean of the deviation forgets with weight 2**-MEMORY_BITS."""
+"""Running means of deviations and departures forget with weight 2**-MEMORY_BITS."""
+SETTLED = 1 << MEMORY_BITS
+"""From so many samples on running means have their full memory."""
 LUMINANCE_BITS = 24
 """Width of a contribution's luminance as `luminance_sums` adds it up, so that a float32 multiplier squares it."""
 _WEIGHTS = np.array([0.25, 0.5, 0.25], dtype=np.float32)
@@ -32,31 +34,51 @@ def luminance(rgb: np.ndarray) -> np.ndarray:
     return dot(rgb, _WEIGHTS)
 
 
-def relative_deviation(old: np.ndarray, sample: np.ndarray) -> np.ndarray:
-    """|sample - old| over old, in luminance: (N, 3) and (N, 3) float32 to (N,) int64, 0 to RELATIVE_MAX in 1/256ths.
+def relative_departure(old: np.ndarray, sample: np.ndarray) -> np.ndarray:
+    """(sample - old) over old, in luminance: (N, 3) and (N, 3) float32 to (N,) int64, in 1/256ths up to RELATIVE_MAX.
 
-    Where nothing was (old is 0) any light is RELATIVE_MAX, and none is 0.
+    Its magnitude is rounded down. Where nothing was (old is 0) any light is RELATIVE_MAX, and none is 0.
     """
     before, after = luminance(old), luminance(sample)
     distance = np.abs(float_add(after, before, subtract=True))
     fixed = float_to_fixed(float_divide(distance, before), RELATIVE_BITS).astype(np.int64)
-    return np.clip(fixed, 0, RELATIVE_MAX)
+    magnitude = np.clip(fixed, 0, RELATIVE_MAX)
+    return np.where(after < before, -magnitude, magnitude)
 
 
-def running_deviation(deviation: np.ndarray, latest: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """The running mean after one more deviation: (N,) integers 0 to RELATIVE_MAX, (N,) int64.
+def running_mean(mean: np.ndarray, latest: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """The running mean of deviations, or of departures, after one more: (N,) integers up to RELATIVE_MAX, (N,) int64.
 
     `count` (N,), 1 to 255, is the number of samples in the average that the sample was compared with. The weight of the
-    latest is 2**-s: s = 0 for the first deviation (count 1), 1 up to the third, 2 up to the seventh, then MEMORY_BITS.
+    latest is 2**-s: s = 0 for the first one (count 1), 1 up to the third, 2 up to the seventh, then MEMORY_BITS.
     The step is rounded away from zero, so that the mean never stops short of where it is going: an integer mean that
     rounds to nearest would stay up to four 256ths off, and never return to 0 when the light has come to rest.
     """
-    shift = np.zeros(len(deviation), dtype=np.int64)
-    for threshold in (2, 4, 8):
-        shift += count >= threshold
-    difference = latest - deviation
+    shift = _weight_bits(count)
+    difference = latest - mean
     magnitude = (np.abs(difference) + (1 << shift) - 1) >> shift
-    return deviation + np.where(difference < 0, -magnitude, magnitude)
+    return mean + np.where(difference < 0, -magnitude, magnitude)
+
+
+def running_bias(bias: np.ndarray, latest: np.ndarray, count: np.ndarray, heavy: np.ndarray) -> np.ndarray:
+    """The running mean of departures from the average as it has become by the sample: (N,) int64, as `running_mean`.
+
+    The average takes a part of the latest departure itself, so later samples will depart by less: by 1/2 where it was
+    worth one sample or the new one weighs more (`heavy`), by 1/4 up to three samples, 1/8 up to seven; of more it is
+    little. Without that the bias of a change would be remembered for longer than there is one.
+    """
+    mean = running_mean(bias, latest, count)
+    taken = np.abs(mean) >> np.where(heavy > 0, 1, _weight_bits(count) + 1)
+    taken[(count >= SETTLED) & (heavy == 0)] = 0
+    return mean - np.where(mean < 0, -taken, taken)
+
+
+def _weight_bits(count: np.ndarray) -> np.ndarray:
+    """s of the weights 2**-s by the number of samples so far, (N,) int64."""
+    shift = np.zeros(len(count), dtype=np.int64)
+    for threshold in (2, 4, SETTLED):
+        shift += count >= threshold
+    return shift
 
 
 def relative_spread(groups: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray | int]]) -> np.ndarray:

@@ -40,6 +40,7 @@ class TexelBlend(DataflowCore):
         count: Node,
         heavy: Node,
         deviation: Node,
+        bias: Node,
         total: list[Node],
         sums: list[Node],
         squares: list[Node],
@@ -59,7 +60,7 @@ class TexelBlend(DataflowCore):
 
         spread = _spread(flow, f, sums, squares, rays)
         alpha = _alpha(flow, f, count, heavy, alpha_min, alpha_heavy)
-        latest = _deviation(flow, f, irradiance, sample)
+        latest, darker = _departure(flow, f, irradiance, sample)
         moved = []
         for k, (old, new) in enumerate(zip(irradiance, sample, strict=True)):
             step = f.multiply(f"step{k}", f.subtract(f"change{k}", new, old), alpha)
@@ -75,6 +76,7 @@ class TexelBlend(DataflowCore):
                 "noticed_out", noticed, latest, deviation, count, notice_factor, notice_floor, notice_count
             ),
             "deviation": flow.logic("deviation_out", running_deviation, latest, deviation, whole),
+            "bias": flow.logic("bias_out", running_bias, latest, darker, bias, whole, heavy),
             "spread": spread,
         }
 
@@ -87,12 +89,14 @@ def _alpha(flow: Dataflow, f: FloatFlow, count: Node, heavy: Node, alpha_min: No
     return flow.logic("weight", lambda heavy, raised, alpha: Mux(heavy.any(), raised, alpha), heavy, raised, alpha)
 
 
-def _deviation(flow: Dataflow, f: FloatFlow, old: list[Node], sample: list[Node]) -> Node:
-    """Of the sample from the average, over the average."""
+def _departure(flow: Dataflow, f: FloatFlow, old: list[Node], sample: list[Node]) -> tuple[Node, Node]:
+    """Of the sample from the average, over the average: how far, and whether to the darker side."""
     before, after = f.dot("before", old, WEIGHTS), f.dot("after", sample, WEIGHTS)
-    distance = f.absolute("distance", f.subtract("difference", after, before))
+    difference = f.subtract("difference", after, before)
+    distance = f.absolute("distance", difference)
     fixed = f.to_fixed("latest", f.divide("relative", distance, before), RELATIVE_BITS)
-    return flow.logic("latest_kept", kept, fixed)
+    darker = flow.logic("darker", lambda difference: difference[-1], difference)
+    return flow.logic("latest_kept", kept, fixed), darker
 
 
 def _spread(flow: Dataflow, f: FloatFlow, sums: list[Node], squares: list[Node], rays: list[Node]) -> Node:
@@ -139,11 +143,28 @@ def noticed(latest: Value, usual: Value, count: Value, factor: Value, floor: Val
 
 
 def running_deviation(latest: Value, usual: Value, count: Value) -> Value:
-    """The mean of `count` deviations after one more: its weight is 1, 1/2, 1/4 or 1/8, the step rounded away from 0."""
-    difference = latest - usual
-    negative = difference[-1]
-    magnitude = (difference ^ negative.replicate(len(difference)))[:RELATIVE_WIDTH] + negative
+    """The mean of `count` deviations after one more."""
+    return Mux(count.any(), moved_mean(latest, usual, count), 0)[:RELATIVE_WIDTH]
+
+
+def running_bias(latest: Value, darker: Value, bias: Value, count: Value, heavy: Value) -> Value:
+    """The mean of `count` departures after one more, less what the average takes of it: 1/2, 1/4, 1/8 or none."""
+    mean = moved_mean(Mux(darker, -latest, latest), bias.as_signed(), count)[: len(bias)].as_signed()
+    magnitude = magnitude_of(mean)
+    settling = Mux(count >= 8, 0, Mux(count >= 4, magnitude >> 3, Mux(count >= 2, magnitude >> 2, magnitude >> 1)))
+    left = magnitude - Mux(heavy.any(), magnitude >> 1, settling)
+    return Mux(count.any(), Mux(mean[-1], -left, left), 0)[: len(bias)]
+
+
+def moved_mean(latest: Value, mean: Value, count: Value) -> Value:
+    """A mean after one more: the weight of the latest is 1, 1/2, 1/4 or 1/8, the step rounded away from 0."""
+    difference = latest - mean
+    magnitude = magnitude_of(difference)
     eighth, quarter, half = ((magnitude + (1 << shift) - 1) >> shift for shift in (3, 2, 1))
     step = Mux(count >= 8, eighth, Mux(count >= 4, quarter, Mux(count >= 2, half, magnitude)))
-    moved = Mux(negative, usual - step, usual + step)[:RELATIVE_WIDTH]
-    return Mux(count.any(), moved, 0)
+    return Mux(difference[-1], mean - step, mean + step)
+
+
+def magnitude_of(number: Value) -> Value:
+    negative = number[-1]
+    return (number ^ negative.replicate(len(number)))[: len(number) - 1] + negative

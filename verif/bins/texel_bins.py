@@ -136,6 +136,14 @@ def _blend(i: np.ndarray, o: np.ndarray) -> Groups:
             rises=known & (o["deviation"] > i["deviation"]),
             greatest=o["deviation"] == RELATIVE_MAX,
         ),
+        "bias": cases(
+            turns=known & (i["bias"].astype(int) * o["bias"] < 0),
+            darker=o["bias"] < 0,
+            none=known & (o["bias"] == 0),
+            brighter=o["bias"] > 0,
+            heavy=(o["bias"] != 0) & (i["heavy"] > 0),
+            greatest=o["bias"] == RELATIVE_MAX,
+        ),
         "spread": cases(none=o["spread"] == 0, some=(o["spread"] > 0) & (o["spread"] < RELATIVE_MAX))
         | cases(greatest=o["spread"] == RELATIVE_MAX),
         "rays": cases(one=i["rays"][:, 0] == 1, several=i["rays"][:, 0] > 1, none_to_lights=i["rays"][:, 1] == 0),

@@ -223,7 +223,7 @@ MATCH_FAMILIES: dict[str, Family] = {
 def _settings(out: np.ndarray, rng: Generator) -> None:
     """In place: all kinds, the default mostly."""
     count = len(out)
-    out["alpha_min"] = rng.choice([0.0, 0.1, 1.0], count, p=[0.1, 0.8, 0.1])
+    out["alpha_min"] = rng.choice([0.0, 1 / 32, 0.1, 1.0], count, p=[0.1, 0.7, 0.1, 0.1])
     out["alpha_heavy"] = rng.choice([0.0, 0.5, 1.0], count, p=[0.1, 0.8, 0.1])
     out["notice_factor"] = rng.choice([0, 64, 255], count, p=[0.1, 0.8, 0.1])
     out["notice_floor"] = rng.choice([0, 13, RELATIVE_MAX], count, p=[0.1, 0.8, 0.1])
@@ -253,6 +253,7 @@ def updates(count: int, rng: Generator) -> np.ndarray:
     out["count"] = samples_in(rng.choice([0, 1, 2, 3, 4, 7, 8, 9, 40, 254, 255], count), rng)
     out["heavy"] = rng.choice([0, 0, 1, 7], count)
     out["deviation"] = rng.choice([0, 1, 20, 60, 200, RELATIVE_MAX], count)
+    out["bias"] = rng.choice([0, 1, 20, 60, 200, RELATIVE_MAX], count) * rng.choice([-1, 1], count)
     _settings(out, rng)
     return out
 

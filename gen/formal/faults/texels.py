@@ -107,6 +107,13 @@ FAULTS = (
     _fault(
         BLEND, "steps-towards-zero", "(magnitude + (1 << shift) - 1) >> shift", "magnitude >> shift", "means stop short"
     ),
+    _fault(
+        BLEND, "bias-without-sign", "Mux(darker, -latest, latest)", "latest", "all departures are to the bright side"
+    ),
+    _fault(
+        *(BLEND, "bias-kept-while-heavy", "Mux(heavy.any(), magnitude >> 1, settling)", "settling"),
+        "what a heavy sample takes of the bias is not taken off",
+    ),
     _fault(DOWN, "towards-zero", "up=remains & sign", "up=remains & ~sign", "positive numbers are rounded up"),
     _fault(DOWN, "minus-zero", "remains & Value.cast(a)[f.fraction_bits : -1].any()", "remains", "-0 becomes -1"),
     _fault(WIDE, "wide-ties-up", "(guard & (sticky | kept[0]))", "guard", "ties are raised"),

@@ -1,4 +1,4 @@
-"""What averages are worth: less where light is expected to change, before anything new is known ([0077], claim 14)."""
+"""What averages are worth: less where light is expected to change, or seems to have changed ([0077], claim 14)."""
 
 import numpy as np
 
@@ -32,3 +32,8 @@ def lower(state: np.ndarray, expected: np.ndarray) -> np.ndarray:
     left = np.maximum(((count << _UNIT_BITS + 1) + ratio) // (2 * ratio), 1)
     state["count"][texel] = np.where(change == WHOLE_CHANGE, 0, left)
     return texel[(count >= STALE) & (state["count"][texel] < STALE)]
+
+
+def limit(state: np.ndarray, most: np.ndarray) -> None:
+    """Nothing of TEXEL_STATE (N,) is worth more samples than `most` (N,) says in 16ths; in place."""
+    np.minimum(state["count"], most, out=state["count"], casting="unsafe")

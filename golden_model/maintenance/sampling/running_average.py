@@ -49,7 +49,7 @@ def blend_texels(
     assert state.dtype == TEXEL_STATE
     operands = np.zeros(len(texel), dtype=TEXEL_BLEND)
     before = state[texel]
-    for name in ("irradiance", "count", "heavy", "deviation"):
+    for name in ("irradiance", "count", "heavy", "deviation", "bias"):
         operands[name] = before[name]
     for name in SAMPLE_SUMS.names or ():
         operands[name] = sums[name]

@@ -12,7 +12,12 @@ from lightloom.golden_model.contract.formats import (
 )
 from lightloom.golden_model.maintenance.sampling.accumulate import irradiance
 from lightloom.golden_model.numerics.floats import float_add, float_divide, float_minmax, float_multiply
-from lightloom.golden_model.numerics.sample_spread import relative_deviation, relative_spread, running_deviation
+from lightloom.golden_model.numerics.sample_spread import (
+    relative_departure,
+    relative_spread,
+    running_bias,
+    running_mean,
+)
 
 
 def texel_blend(operands: np.ndarray) -> np.ndarray:
@@ -27,12 +32,14 @@ def texel_blend(operands: np.ndarray) -> np.ndarray:
 
     The deviation of the sample from the old average goes into the running mean of deviations, after it was compared
     with it: `noticed`. Without an old average nothing is noticed; of one that is not worth a sample the deviation is 0.
+    So with the departure, which has a sign, and its running mean, the bias.
     """
     old, sample = operands["irradiance"], irradiance(operands["total"], operands["fraction"][:, None])
     count, heavy, usual = (operands[name].astype(np.int64) for name in ("count", "heavy", "deviation"))
     known, whole = count > 0, count >> COUNT_BITS
     step = float_multiply(_alpha(operands)[:, None], float_add(sample, old, subtract=True))
-    latest = relative_deviation(old, sample)
+    departure = relative_departure(old, sample)
+    latest, bias = np.abs(departure), operands["bias"].astype(np.int64)
     limit = operands["notice_factor"].astype(np.int64) * usual
     limit += operands["notice_floor"].astype(np.int64) << NOTICE_BITS
     out = np.zeros(len(operands), dtype=TEXEL_BLENDED)
@@ -40,7 +47,8 @@ def texel_blend(operands: np.ndarray) -> np.ndarray:
     out["count"] = np.minimum(count + ONE_SAMPLE, COUNT_MAX)
     out["heavy"] = np.maximum(heavy - 1, 0)
     out["noticed"] = known & (whole >= operands["notice_count"]) & ((latest << NOTICE_BITS) > limit)
-    out["deviation"] = np.where(whole > 0, running_deviation(usual, latest, whole), 0)
+    out["deviation"] = np.where(whole > 0, running_mean(usual, latest, whole), 0)
+    out["bias"] = np.where(whole > 0, running_bias(bias, departure, whole, heavy), 0)
     sums, squares, rays = (operands[name] for name in ("sums", "squares", "rays"))
     out["spread"] = relative_spread([(sums[:, k], squares[:, k], rays[:, k]) for k in range(RAY_GROUPS)])
     return out

@@ -40,7 +40,7 @@ class Windows:
         return values
 
     def total(self, values: np.ndarray) -> np.ndarray:
-        """Values (N,) uint8 to the sums of each 3 x 3 window, modulo 256."""
+        """Integers (N,) to the sums of each 3 x 3 window, of the same type."""
         for one, two in ((self.left, self.right), (self.up, self.down)):
             padded = _padded(values)
             values = values + padded[one] + padded[two]

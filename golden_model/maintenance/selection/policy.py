@@ -141,6 +141,9 @@ class Policy:
         "What texels know that influence reaches is worth less by the change to be expected, and nothing where all of "
         "their light changes; until they are sampled they show what fresh ones around them have found (claim 14).",
     )
+    track: bool = flag(
+        True, "Averages whose samples keep departing to one side, with those of 3 x 3 texels, are worth less."
+    )
     drift: bool = flag(
         True, "Samples of a map whose light as a whole is on its way to somewhere else weigh more, until it is there."
     )

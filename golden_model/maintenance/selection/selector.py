@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import LIKELY, SEEN
+from lightloom.golden_model.contract.formats import COUNT_MAX, LIKELY, SEEN
 from lightloom.golden_model.maintenance.publishing.regions import SIDE_LEVELS
 from lightloom.golden_model.maintenance.sampling.running_average import drop
 from lightloom.golden_model.maintenance.selection.classes import Share, class_table, needs, quotas
@@ -21,6 +21,7 @@ from lightloom.golden_model.maintenance.selection.influence.volumes import volum
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import CLASSES, SHARE, Policy
 from lightloom.golden_model.maintenance.selection.round_robin import RoundRobin
+from lightloom.golden_model.maintenance.selection.tracking import most_worth
 from lightloom.golden_model.maintenance.selection.variability import Variability
 from lightloom.golden_model.maintenance.selection.visibility import Sight, Visibility
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, row_and_column
@@ -99,6 +100,8 @@ class Plan:
     """Change level by influence records, 0 to 3, (N,) uint8."""
     expected: np.ndarray
     """Change that is expected in this frame by influence records, 0 to WHOLE_CHANGE, (N,) uint8; 0 without `lower`."""
+    most: np.ndarray
+    """Samples in 16ths that averages are worth at most, by how theirs departed, (N,) int64; COUNT_MAX: no limit."""
     change: np.ndarray
     """Change level by influence, by what texels noticed, and by updates still to come after a change, (N,) uint8."""
     heavy: np.ndarray
@@ -157,6 +160,7 @@ class Selector:
         sight, visibility_rays = self._look(context, valid, allowed - footprint_rays)
         bins = self._variability.look(context.state, context.values, valid)
         noticed, believed = self._noticed(context.state, valid)
+        unlimited = np.full(len(valid), COUNT_MAX)
         change = np.maximum(influence, noticed)
         change = np.where(valid & (context.state["heavy"] > 0), np.uint8(3), change)
         priority = self._classes[sight.lod, needs(context.state, context.frame, policy), bins, change, sight.degree]
@@ -177,6 +181,7 @@ class Selector:
             bins=bins,
             influence=influence,
             expected=expected if policy.lower else np.zeros_like(expected),
+            most=most_worth(context.state, self._windows) if policy.track else unlimited,
             change=change,
             heavy=urgent & (policy.heavy_updates > 0),
             # Heavy updates of which none has come yet: the change is known and the value is from before it.
@@ -229,13 +234,17 @@ class Selector:
         )
 
     def _noticed(self, state: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Change levels around texels that noticed one, (N,) uint8, and where the change is believed, (N,) bool."""
+        """Change levels around texels that noticed one, (N,) uint8, and where the change is believed, (N,) bool.
+
+        It is believed wherever enough of 3 x 3 noticed it, also by those that did not: of a change that is little
+        larger than noise each misses it at times.
+        """
         policy = self.policy
         noticed = (state["noticed"] & valid).astype(np.uint8)
         if not (policy.notice and noticed.any()):
             return np.zeros(len(valid), dtype=np.uint8), np.zeros(len(valid), dtype=bool)
-        believed = (noticed > 0) & (self._windows.total(noticed) >= policy.notice_votes)
-        centre = believed.view(np.uint8)
+        believed = valid & (self._windows.total(noticed) >= policy.notice_votes)
+        centre = noticed * believed
         near = self._windows.largest(centre, policy.notice_radius)
         around = self._windows.largest(near | noticed, policy.notice_radius)
         return centre + near + around, believed

@@ -17,9 +17,9 @@ from lightloom.golden_model.maintenance.sampling.accumulate import (
 )
 from lightloom.golden_model.numerics.sample_spread import (
     luminance,
-    relative_deviation,
+    relative_departure,
     relative_spread,
-    running_deviation,
+    running_mean,
 )
 
 levels = st.floats(0, 1e6, width=32).filter(lambda x: x == 0 or x > 1e-30)
@@ -41,7 +41,7 @@ def test_luminance_weighs_the_channels_one_two_one() -> None:
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(old=levels, sample=levels)
 def test_relative_deviation_is_the_exact_one_within_a_rounding(old: float, sample: float) -> None:
-    found = int(relative_deviation(grey(old), grey(sample))[0])
+    found = abs(int(relative_departure(grey(old), grey(sample))[0]))
     if old == 0:
         assert found == (RELATIVE_MAX if sample else 0)
         return
@@ -56,7 +56,7 @@ def test_any_channel_that_changes_shows() -> None:
     for channel in range(3):
         changed = np.ones((1, 3), dtype=np.float32)
         changed[0, channel] = 2
-        assert relative_deviation(np.ones((1, 3), dtype=np.float32), changed)[0] >= 64
+        assert relative_departure(np.ones((1, 3), dtype=np.float32), changed)[0] >= 64
 
 
 @settings(max_examples=30, deadline=None, derandomize=True)
@@ -64,7 +64,7 @@ def test_any_channel_that_changes_shows() -> None:
 def test_running_mean_goes_all_the_way_and_by_an_eighth(start: int, goal: int) -> None:
     value = np.array([start])
     for _ in range(60):
-        step = running_deviation(value, np.array([goal]), np.array([8]))
+        step = running_mean(value, np.array([goal]), np.array([8]))
         assert abs(int(step[0]) - (int(value[0]) + (goal - int(value[0])) / 8)) < 1
         assert min(value[0], goal) <= step[0] <= max(value[0], goal)
         value = step
@@ -74,7 +74,7 @@ def test_running_mean_goes_all_the_way_and_by_an_eighth(start: int, goal: int) -
 def test_first_deviations_are_averaged_and_not_pulled_towards_zero() -> None:
     weight = [8 / 8, 4 / 8, 4 / 8, 2 / 8, 2 / 8, 2 / 8, 2 / 8, 1 / 8]
     for count, expected in enumerate(weight, 1):
-        assert running_deviation(np.array([0]), np.array([800]), np.array([count]))[0] == 800 * expected
+        assert running_mean(np.array([0]), np.array([800]), np.array([count]))[0] == 800 * expected
 
 
 def test_running_mean_of_noise_is_its_mean() -> None:
@@ -82,7 +82,7 @@ def test_running_mean_of_noise_is_its_mean() -> None:
     rng = np.random.default_rng(seed)
     value = np.zeros(4000, dtype=np.int64)
     for count in range(1, 60):
-        value = running_deviation(value, np.abs(rng.normal(0, 40, 4000)).astype(np.int64), np.full(4000, count))
+        value = running_mean(value, np.abs(rng.normal(0, 40, 4000)).astype(np.int64), np.full(4000, count))
     assert value.mean() == pytest.approx(40 * np.sqrt(2 / np.pi), rel=0.05), f"seed {seed}"
 
 
