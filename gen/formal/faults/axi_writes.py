@@ -284,6 +284,7 @@ FAULTS = (
         new="awaited=offered | (left != 0)",
         what="an abort ends though a burst has begun just before",
         checks=("axi_write_arbiter/abort",),
+        equivalent="a burst that has just begun is offered: begun_is_offered, proved in axi_write_arbiter/abort",
     ),
     Mutation(
         name="abort-silence-with-data-due",
