@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from amaranth import Module, Signal, Value
+from amaranth import Cat, Const, Module, Signal, Value
 from amaranth.lib import wiring
 
 from lightloom.gen.formal.all_inputs import Gates
@@ -88,6 +88,8 @@ def _finest(i: Operands) -> np.ndarray:
 
 
 PLACE_WIDTH, SIZE_WIDTH = 16, 6
+FAR_BITS = 17
+"""Below a place of `PLACE_WIDTH` bits, for 33 in all: some such are farther off than can be said."""
 
 
 def _tap(i: Operands, offset: int) -> np.ndarray:
@@ -101,11 +103,21 @@ def _beyond(i: Operands) -> np.ndarray:
     return np.maximum(np.maximum(-place, place - 256 * i["size"]), 0)
 
 
+def _far_beyond(i: Operands) -> np.ndarray:
+    place = signed(i["at"], PLACE_WIDTH) << FAR_BITS
+    most = (1 << texel_project.MOST_BITS) - 1
+    return np.clip(np.maximum(-place, place - 256 * i["size"]), 0, most)
+
+
 def _running_deviation(i: Operands) -> np.ndarray:
     weight = np.select([i["count"] < 2, i["count"] < 4, i["count"] < 8], [1, 2, 4], 8)
     difference = i["latest"] - i["usual"]
     step = -(-np.abs(difference) // weight)
     return np.where(i["count"] > 0, i["usual"] + np.sign(difference) * step, 0)
+
+
+def _beyond_from_far(at: Value, size: Value) -> Value:
+    return texel_project.beyond(Cat(Const(0, FAR_BITS), at), size)
 
 
 def _tap_at(offset: int) -> Function:
@@ -140,6 +152,10 @@ SUBJECTS: tuple[tuple[str, str, str, Function, dict[str, int], Callable[[Operand
     (
         *("texel_project", "beyond", "places of 16 bits, sides of 6: how far beyond either end"),
         *(texel_project.beyond, {"at": PLACE_WIDTH, "size": SIZE_WIDTH}, _beyond, ONCE),
+    ),
+    (
+        *("texel_project", "far-beyond", "the upper 16 of 33 bits of places, sides of 6: saturates, does not wrap"),
+        *(_beyond_from_far, {"at": PLACE_WIDTH, "size": SIZE_WIDTH}, _far_beyond, ONCE),
     ),
     (
         *("texel_blend", "running-deviation", "every deviation after every other, with counts of all weights"),

@@ -37,7 +37,15 @@ FAULTS = (
     ),
     _fault(PROJECT, "one-side-of-the-screen", "Mux(place < 0, -place,", "Mux(place < 0, 0,", "no left and upper end"),
     _fault(PROJECT, "other-side-of-the-screen", "Mux(after > 0, after, 0)", "0", "no right and lower end"),
-    _fault(PROJECT, "far-off-wraps", " | distance[MOST_BITS:].any()", " | 0 & distance[0]", "what is far off is near"),
+    # Only a screen without pixels has places as far off: of inputs by chance there is none.
+    Mutation(
+        name="far-off-wraps",
+        file=PROJECT,
+        old=" | distance[MOST_BITS:].any()",
+        new=" | 0 & distance[0]",
+        what="what is far off is near",
+        checks=("texel_project/far-beyond",),
+    ),
     _fault(PROJECT, "half-of-the-width", "(size << PIXEL_BITS - 1)", "(size << PIXEL_BITS - 2)", "middle at a quarter"),
     _fault(PROJECT, "taps-from-corners", "(1 << PIXEL_BITS - 1))[", "0)[", "pixels' corners, not centres"),
     _fault(PROJECT, "taps-off-the-screen", "Mux(first > last, last, first)", "first", "pixels beyond the last"),
