@@ -5,7 +5,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from amaranth import Module, Signal, Value
+from amaranth import Cat, Const, Module, Signal, Value
 from amaranth.lib import wiring
 
 from lightloom.gen.formal.all_inputs import Gates
@@ -88,6 +88,8 @@ def _finest(i: Operands) -> np.ndarray:
 
 
 PLACE_WIDTH, SIZE_WIDTH = 16, 6
+FAR_BITS = 17
+"""Below a place of `PLACE_WIDTH` bits, for 33 in all: some such are farther off than can be said."""
 
 
 def _tap(i: Operands, offset: int) -> np.ndarray:
@@ -119,6 +121,12 @@ def _scaled_down(i: Operands) -> np.ndarray:
     return np.where(exponent == 0xFF, z, finite | (sign << 15))
 
 
+def _far_beyond(i: Operands) -> np.ndarray:
+    place = (signed(i["moved"], PLACE_WIDTH) << FAR_BITS) + 128 * i["size"]
+    most = (1 << texel_project.MOST_BITS) - 1
+    return np.clip(np.maximum(-place, place - 256 * i["size"]), 0, most)
+
+
 def _running_deviation(i: Operands) -> np.ndarray:
     weight = np.select([i["count"] < 2, i["count"] < 4, i["count"] < 8], [1, 2, 4], 8)
     difference = i["latest"] - i["usual"]
@@ -142,6 +150,10 @@ def _tap_at(which: int) -> Function:
         return texel_project.tap(both, which)[: PLACE_WIDTH - PIXEL_BITS]
 
     return pixel
+
+
+def _beyond_from_far(moved: Value, size: Value) -> Value:
+    return texel_project.beyond(Cat(Const(0, FAR_BITS), moved), size)
 
 
 ONCE: Sequence[dict[str, int]] = ({},)
@@ -179,6 +191,10 @@ SUBJECTS: tuple[tuple[str, str, str, Function, dict[str, int], Callable[[Operand
         *(texel_project.scaled_down, {"z": 16, "shift": FACING_BITS}, _scaled_down, ONCE),
     ),
     (
+        *("texel_project", "far-beyond", "the upper 16 of 33 bits of places, sides of 6: saturates, does not wrap"),
+        *(_beyond_from_far, {"moved": PLACE_WIDTH, "size": SIZE_WIDTH}, _far_beyond, ONCE),
+    ),
+    (
         *("texel_blend", "running-deviation", "every deviation after every other, with counts of all weights"),
         texel_blend.running_deviation,
         {"latest": DEVIATION, "usual": DEVIATION, "count": 8},
@@ -187,7 +203,7 @@ SUBJECTS: tuple[tuple[str, str, str, Function, dict[str, int], Callable[[Operand
     (
         *("texel_blend", "running-bias", "every departure after every bias, with counts of all weights"),
         texel_blend.running_bias,
-        {"latest": BIAS - 1, "darker": 1, "bias": BIAS, "heavy": 1, "count": 8},
+        {"latest": BIAS - 1, "darker": 1, "bias": BIAS, "count": 8, "heavy": 1},
         *(_running_bias, COUNTS),
     ),
 )

@@ -186,6 +186,7 @@ def aborts(count: int) -> Bench:
     bench.require("all_are_left", (waiting <= left) & (unsent <= left))
     late_begun, late_answered = bench.inner("begun"), bench.inner("answered")
     bench.require("count_is_exact", left + late_answered == bench.inner("left") + late_begun)
+    bench.require("begun_is_offered", ~late_begun | offered)  # its sender has just come into an empty buffer, or waits
     bench.require("counted_before_it_came", ~late_answered | (bench.inner("left") != 0))
 
     closed = bench.past(component.aborting, "aborting")

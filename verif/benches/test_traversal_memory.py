@@ -186,7 +186,7 @@ async def abort_in_flight(dut: Any, memory: str) -> None:
         seen = await bench.exchange(bench.packed(rays), give="always", until=lambda cycle, end=end: cycle == end)
         assert len(seen.sent_at) > len(seen.received), "nothing is under way"
         if round_ % 2:
-            await ClockCycles(dut.clk, 30)  # results wait
+            await bench.result_waits()
         await bench.abort(strobes=1 + round_ % 2 * 5, load=round_ % 3 == 1)
         some = rays_of("soup", 5, bench.seed)
         await bench.check(bench.traced(tree.blocks, some, bad_blocks=[0]), "no tree after an abort")

@@ -198,6 +198,17 @@ class TraversalBench(Bench):
         assert seen == LOAD_ERRORS[error], f"seed {self.seed}: load_error {seen}, not {error}"
         note(lambda: load_groups(error))
 
+    async def result_waits(self) -> None:
+        """Until a result is offered, of rays under way; nobody takes it."""
+        for _ in range(LOAD_CYCLES):
+            await FallingEdge(self.dut.clk)
+            assert not int(self.dut.o__ready.value)
+            if int(self.dut.o__valid.value):
+                break
+        else:
+            raise AssertionError(f"seed {self.seed}: no result waits")
+        await RisingEdge(self.dut.clk)
+
     async def abort(self, strobes: int = 1, load: bool = False) -> int:
         """Aborts, in `strobes` cycles one after another; with `load`, until the end a load is asked for in every cycle.
         Returns how many cycles `aborting` was high. The memory is not told; all that it still answers comes before the

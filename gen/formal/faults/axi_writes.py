@@ -89,7 +89,10 @@ FAULTS = (
         old="(port.bid == 0) & (under_way != 0)",
         new="(port.bid == 0)",
         what="an answer to nothing makes the count wrap",
-        checks=("axi_writer/silent-memory-512",),
+        checks=(
+            "axi_writer/silent-memory-512",
+            "tests/rtl/memory/test_axi_writer.py::test_answers_that_are_nobodys_do_not_count",
+        ),
     ),
     Mutation(
         name="strobes-of-the-first-beat",
@@ -281,6 +284,7 @@ FAULTS = (
         new="awaited=offered | (left != 0)",
         what="an abort ends though a burst has begun just before",
         checks=("axi_write_arbiter/abort",),
+        equivalent="a burst that has just begun is offered: begun_is_offered, proved in axi_write_arbiter/abort",
     ),
     Mutation(
         name="abort-silence-with-data-due",

@@ -50,7 +50,15 @@ FAULTS = (
         "Mux((halves < 0) | ~negative, 0,",
         "no right and lower end",
     ),
-    _fault(PROJECT, "far-off-wraps", " | distance[MOST_BITS:].any()", " | 0 & distance[0]", "what is far off is near"),
+    # Only a screen without pixels has places as far off: of inputs by chance there is none.
+    Mutation(
+        name="far-off-wraps",
+        file=PROJECT,
+        old=" | distance[MOST_BITS:].any()",
+        new=" | 0 & distance[0]",
+        what="what is far off is near",
+        checks=("texel_project/far-beyond",),
+    ),
     _fault(PROJECT, "half-of-the-width", "+ (size - 1))[1:]", "+ ((size - 1) >> 1))[1:]", "middle at a quarter"),
     _fault(PROJECT, "taps-from-corners", "+ (size - 1))[1:]", "+ size)[1:]", "pixels' corners, not centres"),
     _fault(PROJECT, "taps-off-the-screen", "Mux(inner, first, last)", "first", "pixels beyond the last"),
