@@ -37,7 +37,7 @@ def luminance(rgb: np.ndarray) -> np.ndarray:
 def relative_departure(old: np.ndarray, sample: np.ndarray) -> np.ndarray:
     """(sample - old) over old, in luminance: (N, 3) and (N, 3) float32 to (N,) int64, in 1/256ths up to RELATIVE_MAX.
 
-    Its magnitude is rounded down. Where nothing was (old is 0) any light is RELATIVE_MAX, and none is 0.
+    Where nothing was (old is 0) any light is RELATIVE_MAX, and none is 0.
     """
     before, after = luminance(old), luminance(sample)
     distance = np.abs(float_add(after, before, subtract=True))

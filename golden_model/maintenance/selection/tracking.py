@@ -24,7 +24,7 @@ def most_worth(state: np.ndarray, windows: Windows) -> np.ndarray:
     """By TEXEL_STATE (N,): samples in 16ths, (N,) int64; COUNT_MAX where nothing speaks against the average.
 
     Of the texels of each window whose averages are worth SETTLED samples or more, B is the sum of `bias`, D that of
-    `deviation`, and K how many they are. Of noise alone B * B * K exceeds D * D once in some hundred times, three
+    `deviation`, and K how many they are. Of noise alone B * B * K exceeds D * D about once in 500 times, three
     standard deviations. An average of samples whose standard deviation is 1.25 * D, off by B, is worth (1.25 D / B)**2
     of them; its root is taken in half octaves.
     """
