@@ -100,9 +100,10 @@ def _tap(i: Operands, offset: int) -> np.ndarray:
     return np.where(pixel < 0, 0, np.minimum(pixel, last))
 
 
-def _beyond(i: Operands) -> np.ndarray:
-    place = signed(i["moved"], PLACE_WIDTH) + 128 * i["size"]
-    return np.maximum(np.maximum(-place, place - 256 * i["size"]), 0)
+def _beyond(i: Operands, below: int = 0) -> np.ndarray:
+    """With so many zeros below the place."""
+    place = (signed(i["moved"], PLACE_WIDTH) << below) + 128 * i["size"]
+    return np.clip(np.maximum(-place, place - 256 * i["size"]), 0, (1 << texel_project.MOST_BITS) - 1)
 
 
 SHORT_FRACTION = 7
@@ -121,24 +122,24 @@ def _scaled_down(i: Operands) -> np.ndarray:
     return np.where(exponent == 0xFF, z, finite | (sign << 15))
 
 
-def _far_beyond(i: Operands) -> np.ndarray:
-    place = (signed(i["moved"], PLACE_WIDTH) << FAR_BITS) + 128 * i["size"]
-    most = (1 << texel_project.MOST_BITS) - 1
-    return np.clip(np.maximum(-place, place - 256 * i["size"]), 0, most)
+def _weight(count: np.ndarray) -> np.ndarray:
+    """The inverse of what the latest weighs in a running mean."""
+    return np.select([count < 2, count < 4, count < 8], [1, 2, 4], 8)
+
+
+def _moved_mean(mean: np.ndarray, latest: np.ndarray, count: np.ndarray) -> np.ndarray:
+    difference = latest - mean
+    return mean + np.sign(difference) * -(-np.abs(difference) // _weight(count))
 
 
 def _running_deviation(i: Operands) -> np.ndarray:
-    weight = np.select([i["count"] < 2, i["count"] < 4, i["count"] < 8], [1, 2, 4], 8)
-    difference = i["latest"] - i["usual"]
-    step = -(-np.abs(difference) // weight)
-    return np.where(i["count"] > 0, i["usual"] + np.sign(difference) * step, 0)
+    return np.where(i["count"] > 0, _moved_mean(i["usual"], i["latest"], i["count"]), 0)
 
 
 def _running_bias(i: Operands) -> np.ndarray:
     """By the definition of docs/update.md."""
-    departure, bias = np.where(i["darker"] == 1, -i["latest"], i["latest"]), signed(i["bias"], BIAS)
-    weight = np.select([i["count"] < 2, i["count"] < 4, i["count"] < 8], [1, 2, 4], 8)
-    mean = bias + np.sign(departure - bias) * -(-np.abs(departure - bias) // weight)
+    departure, weight = np.where(i["darker"] == 1, -i["latest"], i["latest"]), _weight(i["count"])
+    mean = _moved_mean(signed(i["bias"], BIAS), departure, i["count"])
     parts = np.where((weight == 8) & (i["heavy"] == 0), 0, np.abs(mean) // np.where(i["heavy"] == 1, 2, 2 * weight))
     return np.where(i["count"] > 0, mean - np.sign(mean) * parts, 0)
 
@@ -192,7 +193,7 @@ SUBJECTS: tuple[tuple[str, str, str, Function, dict[str, int], Callable[[Operand
     ),
     (
         *("texel_project", "far-beyond", "the upper 16 of 33 bits of places, sides of 6: saturates, does not wrap"),
-        *(_beyond_from_far, {"moved": PLACE_WIDTH, "size": SIZE_WIDTH}, _far_beyond, ONCE),
+        *(_beyond_from_far, {"moved": PLACE_WIDTH, "size": SIZE_WIDTH}, partial(_beyond, below=FAR_BITS), ONCE),
     ),
     (
         *("texel_blend", "running-deviation", "every deviation after every other, with counts of all weights"),

@@ -35,7 +35,7 @@ def find_links(lightmaps: Lightmaps, scene: Scene, trace: Trace, triangles: Char
                 part = slice(begin, begin + BATCH)
                 free = _free(lightmaps, scene, tracer, triangles, first[part], second[part])
                 links[first[part][free]] |= bit
-    return replace(lightmaps, links=_with_shown(lightmaps, links))
+    return replace(lightmaps, links=_with_shown(lightmaps, links, steps))
 
 
 def _free(
@@ -67,14 +67,13 @@ def _free(
     return ~((met >= 0) & upright & other & (scene.surface[scene.material[met]] != GLASS))
 
 
-def _with_shown(lightmaps: Lightmaps, links: np.ndarray) -> np.ndarray:
+def _with_shown(lightmaps: Lightmaps, links: np.ndarray, steps: tuple[tuple[int, np.ndarray], ...]) -> np.ndarray:
     """Links (N,) with those of empty and buried texels: two are joined where the texels that they show are.
 
     These are one, or joined neighbours.
     """
     links = links.copy()
     shown = np.maximum(lightmaps.fill, 0).astype(np.int64)
-    steps = tuple(zip((RIGHT, DOWN), steps_of(lightmaps), strict=True))
     own = lightmaps.fill == np.arange(len(links))
     made = links.copy()
     for (bit, step), there in zip(steps, followed(lightmaps), strict=True):

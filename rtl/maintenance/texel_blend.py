@@ -151,7 +151,7 @@ def running_bias(latest: Value, darker: Value, bias: Value, count: Value, heavy:
     """The mean of `count` departures after one more, less what the average takes of it: 1/2, 1/4, 1/8 or none."""
     mean = moved_mean(Mux(darker, -latest, latest), bias.as_signed(), count)[: len(bias)].as_signed()
     magnitude = magnitude_of(mean)
-    settling = Mux(count >= 8, 0, Mux(count >= 4, magnitude >> 3, Mux(count >= 2, magnitude >> 2, magnitude >> 1)))
+    settling = by_weight(count, magnitude >> 1, magnitude >> 2, magnitude >> 3, 0)
     left = magnitude - Mux(heavy.any(), magnitude >> 1, settling)
     return Mux(count.any(), Mux(mean[-1], -left, left), 0)[: len(bias)]
 
@@ -161,8 +161,13 @@ def moved_mean(latest: Value, mean: Value, count: Value) -> Value:
     difference = latest - mean
     magnitude = magnitude_of(difference)
     eighth, quarter, half = ((magnitude + (1 << shift) - 1) >> shift for shift in (3, 2, 1))
-    step = Mux(count >= 8, eighth, Mux(count >= 4, quarter, Mux(count >= 2, half, magnitude)))
+    step = by_weight(count, magnitude, half, quarter, eighth)
     return Mux(difference[-1], mean - step, mean + step)
+
+
+def by_weight(count: Value, whole: Value, half: Value, quarter: Value, eighth: Value | int) -> Value:
+    """What goes with the weight of the latest of so many samples."""
+    return Mux(count >= 8, eighth, Mux(count >= 4, quarter, Mux(count >= 2, half, whole)))
 
 
 def magnitude_of(number: Value) -> Value:

@@ -223,7 +223,7 @@ MATCH_FAMILIES: dict[str, Family] = {
 def _settings(out: np.ndarray, rng: Generator) -> None:
     """In place: all kinds, the default mostly."""
     count = len(out)
-    out["alpha_min"] = rng.choice([0.0, 1 / 32, 0.1, 1.0], count, p=[0.1, 0.7, 0.1, 0.1])
+    out["alpha_min"] = rng.choice([0.0, 1 / 32, 0.1, 1.0], count, p=[0.1, 0.1, 0.7, 0.1])
     out["alpha_heavy"] = rng.choice([0.0, 0.5, 1.0], count, p=[0.1, 0.8, 0.1])
     out["notice_factor"] = rng.choice([0, 64, 255], count, p=[0.1, 0.8, 0.1])
     out["notice_floor"] = rng.choice([0, 13, RELATIVE_MAX], count, p=[0.1, 0.8, 0.1])

@@ -17,8 +17,9 @@ CHECKS = {
 PROJECT, MATCH, BLEND, DOWN, WIDE = CHECKS
 
 
-def _fault(file: str, name: str, old: str, new: str, what: str) -> Mutation:
-    return Mutation(name=name, file=file, old=old, new=new, what=what, checks=CHECKS[file])
+def _fault(file: str, name: str, old: str, new: str, what: str, checks: tuple[str, ...] = ()) -> Mutation:
+    """Noticed by `checks`; by those of its file if none are given."""
+    return Mutation(name=name, file=file, old=old, new=new, what=what, checks=checks or CHECKS[file])
 
 
 FAULTS = (
@@ -51,12 +52,8 @@ FAULTS = (
         "no right and lower end",
     ),
     # Only a screen without pixels has places as far off: of inputs by chance there is none.
-    Mutation(
-        name="far-off-wraps",
-        file=PROJECT,
-        old=" | distance[MOST_BITS:].any()",
-        new=" | 0 & distance[0]",
-        what="what is far off is near",
+    _fault(
+        *(PROJECT, "far-off-wraps", " | distance[MOST_BITS:].any()", " | 0 & distance[0]", "what is far off is near"),
         checks=("texel_project/far-beyond",),
     ),
     _fault(PROJECT, "half-of-the-width", "+ (size - 1))[1:]", "+ ((size - 1) >> 1))[1:]", "middle at a quarter"),

@@ -160,7 +160,6 @@ class Selector:
         sight, visibility_rays = self._look(context, valid, allowed - footprint_rays)
         bins = self._variability.look(context.state, context.values, valid)
         noticed, believed = self._noticed(context.state, valid)
-        unlimited = np.full(len(valid), COUNT_MAX)
         change = np.maximum(influence, noticed)
         change = np.where(valid & (context.state["heavy"] > 0), np.uint8(3), change)
         priority = self._classes[sight.lod, needs(context.state, context.frame, policy), bins, change, sight.degree]
@@ -181,7 +180,7 @@ class Selector:
             bins=bins,
             influence=influence,
             expected=expected if policy.lower else np.zeros_like(expected),
-            most=most_worth(context.state, self._windows) if policy.track else unlimited,
+            most=most_worth(context.state, self._windows) if policy.track else np.full(len(valid), COUNT_MAX),
             change=change,
             heavy=urgent & (policy.heavy_updates > 0),
             # Heavy updates of which none has come yet: the change is known and the value is from before it.
