@@ -205,6 +205,7 @@ def rays_file(tmp_path: Path) -> Path:
     return tmp_path / "rays.npz"
 
 
+@pytest.mark.usefixtures("quickly_built")
 @pytest.mark.parametrize("any_hit", [False, True])
 def test_trace(cli: Run, tmp_path: Path, rays_file: Path, any_hit: bool) -> None:
     from lightloom.golden_model.tracing.bvh.build import build
