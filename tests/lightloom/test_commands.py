@@ -260,7 +260,7 @@ def test_irradiance(cli: Run, tmp_path: Path, room: Path) -> None:
 # --- bench ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.usefixtures("quick_verilog")
+@pytest.mark.usefixtures("quick_verilog", "coarse_cornell_box")
 def test_bench(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """It runs and has its keys; how fast is no matter of tests."""
     for module in ("lightloom.bench.tree", "lightloom.bench.frames"):
