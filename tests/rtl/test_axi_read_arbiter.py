@@ -3,19 +3,21 @@
 """The arbiter of AXI4 read masters: data comes back to who asked, at the full rate, in turn."""
 
 import random
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
 from amaranth import Module
-from amaranth.sim import Simulator
 
 from lightloom.gen.verilog import convert
+from lightloom.rtl.memory.axi_checker import AxiChecker
 from lightloom.rtl.memory.axi_read_arbiter import AxiReadArbiter
 from lightloom.rtl.memory.read_timer import ReadTimer
 from lightloom.verif.drivers.axi_ports import AmaranthSlave
 from lightloom.verif.drivers.axi_slave import OKAY, SLVERR, hashed
 from tests.gen.test_lint import WAIVERS, lint
+from tests.rtl.simulation import Simulation, simulate
 from tests.rtl.watched import watched
 
 SEED = 90
@@ -73,11 +75,18 @@ class Master:
         return not self.left and self.offer is None and not self.waiting
 
 
+@cache
+def compiled(count: int) -> tuple[AxiReadArbiter, AxiChecker, Simulation]:
+    """An arbiter of so many masters, the checker beside its port, and both in a simulator."""
+    arbiter = AxiReadArbiter(count, **SHAPE)
+    dut, checker = watched(arbiter)
+    return arbiter, checker, Simulation(dut)
+
+
 def run(
     count: int, reads: int, *, shares: list[float] | None = None, take: float = 1.0, **slave: Any
 ) -> tuple[list[Master], AmaranthSlave]:
-    arbiter = AxiReadArbiter(count, **SHAPE)
-    dut, checker = watched(arbiter)
+    arbiter, checker, simulation = compiled(count)
     memory = AmaranthSlave(arbiter.m_axi, checker=checker, seed=SEED, **slave)
     memory.errors = {(k << 20) + page + 64: SLVERR for k in range(count) for page in range(0, 64_000, 4096)}
     shares = shares or [1.0] * count
@@ -99,10 +108,7 @@ def run(
             cycle += 1
             assert cycle < moved + 500, "hangs"
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulation.run(testbench)
     return masters, memory
 
 
@@ -166,10 +172,7 @@ def aborted(beats: list[int], *, timeout: int = 0, patience: int = 100) -> list[
             ctx.set(port.rvalid, 0)
             took.append(cycles)
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run_until(1e-3)
+    simulate(dut, testbench, cycles=1000)
     assert len(took) == len(beats), f"an abort does not end; those before it took {took} cycles"
     return took
 
@@ -206,10 +209,7 @@ def test_a_timeout_that_is_made_shorter() -> None:
             await ctx.tick()
             ticks.append(ctx.get(timer.tick))
 
-    simulator = Simulator(timer)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(timer, testbench)
     assert [k for k, tick in enumerate(ticks) if tick] == [0, 101, 202]
 
 
@@ -229,10 +229,7 @@ def test_beats_that_nobody_asked_for_do_not_count() -> None:
         await ctx.tick()
         assert not ctx.get(arbiter.aborting), "waits for beats of no read"
 
-    simulator = Simulator(arbiter)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(arbiter, testbench)
 
 
 def test_arbiters_that_cannot_be_built() -> None:

@@ -7,18 +7,19 @@ import random
 import subprocess
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from amaranth.sim import Simulator
 
 from lightloom.gen.verilog import convert
 from lightloom.gen.watched import checker
 from lightloom.golden_model.contract.axi_rules import RULE_PORTS
 from lightloom.rtl.fabric.queues import number_width
 from lightloom.rtl.memory.axi import AxiRead
+from lightloom.rtl.memory.axi_checker import AxiChecker
 from lightloom.rtl.memory.block_answers import PATIENCE
 from lightloom.rtl.memory.block_cache import CALM, CROWD, BlockCache
 from lightloom.sim import toolchain, verilated
@@ -27,6 +28,7 @@ from lightloom.verif.drivers.axi_ports import AmaranthSlave
 from lightloom.verif.drivers.axi_slave import SLVERR, Wrong, hashed, wrong_ends
 from tests import ROOT
 from tests.gen.test_lint import WAIVERS, lint
+from tests.rtl.simulation import Simulation, simulate
 from tests.rtl.watched import watched
 from tests.simulators import SIMULATORS, needs_icarus
 
@@ -44,6 +46,7 @@ PORTS += ["latency", "bandwidth", "reorder", "interleave", "stall", "seed", "err
 PORTS += ["violation", *RULE_PORTS, "read_bursts", "hits", "misses", "merges", "stalls", "evictions"]
 
 
+@cache
 def verilog(cache: str, tag_width: int) -> str:
     return convert(BlockCache(**CACHES[cache], tag_width=tag_width), "block_cache")
 
@@ -163,6 +166,17 @@ def test_bench_catches_a_broken_cache(original: str, mutant: str, only: str, mes
 # --- its rules, one by one --------------------------------------------------------------------------------------------
 
 
+SMALL = {"sets": 4, "ways": 2, "misses": 8, "requests": 32, "tag_width": 12}
+
+
+@cache
+def compiled(shape: tuple[tuple[str, int], ...]) -> tuple[BlockCache, AxiChecker, Simulation]:
+    """A cache of that shape, the checker beside it, and both in a simulator."""
+    unit = BlockCache(**dict(shape))
+    dut, checker = watched(unit)
+    return unit, checker, Simulation(dut)
+
+
 class Run:
     """Requests through a cache in Amaranth's simulator, one a cycle, answers always taken.
 
@@ -178,8 +192,7 @@ class Run:
         prefetches: dict[int, int] | None = None,
         **shape: int,
     ):
-        self.cache = BlockCache(**({"sets": 4, "ways": 2, "misses": 8, "requests": 32, "tag_width": 12} | shape))
-        self.dut, checker = watched(self.cache)
+        self.cache, checker, self.simulation = compiled(tuple(sorted((SMALL | shape).items())))
         options = {"seed": SEED} | (memory or {})
         self.memory = AmaranthSlave(self.cache.m_axi, checker=checker, latency=latency, **options)
         self.ticks = ticks
@@ -197,14 +210,11 @@ class Run:
 
         None among the blocks is a cycle without a request.
         """
-        simulator = Simulator(self.dut)
-        simulator.add_clock(1e-6)
 
         async def testbench(ctx: Any) -> None:
             await self._run(ctx, [list(phase) for phase in phases], between)
 
-        simulator.add_testbench(testbench)
-        simulator.run()
+        self.simulation.run(testbench)
         return self
 
     async def _run(self, ctx: Any, phases: list[list[int | None]], between: Any) -> None:
@@ -352,10 +362,7 @@ def test_prefetches_start_while_few_reads_wait(waiting: int) -> None:
             ctx.set(cache.prefetch.valid, 0)
             started.append(ctx.get(cache.prefetched))
 
-    simulator = Simulator(cache)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(cache, testbench)
     assert sum(started) == (waiting < CALM)
 
 
@@ -380,10 +387,7 @@ def test_prefetches_whose_answers_wait_are_counted(misses: int) -> None:
             assert asked or ctx.get(cache.prefetching) or not memory.under_way, f"cycle {cycle}"
             await ctx.tick()
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(dut, testbench)
     assert len(memory.reads) > misses + 1
 
 
@@ -401,10 +405,7 @@ def test_crowded() -> None:
             assert ctx.get(cache.crowded) == (number + 1 >= CROWD)
             ctx.set(cache.i.valid, 1)
 
-    simulator = Simulator(cache)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(cache, testbench)
 
 
 def test_hits_go_first_but_not_for_ever() -> None:

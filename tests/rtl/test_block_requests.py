@@ -3,9 +3,9 @@
 from typing import Any
 
 import pytest
-from amaranth.sim import Simulator
 
 from lightloom.rtl.memory.block_requests import BlockRequests
+from tests.rtl.simulation import simulate
 
 
 @pytest.mark.parametrize("waiting", [[10, 11], [10, 11, 12]])
@@ -33,8 +33,5 @@ def test_prefetches_wait_behind_requests_that_wait(waiting: list[int]) -> None:
                 came.append((ctx.get(requests.o.payload.block), ctx.get(requests.o.payload.is_prefetch)))
             await ctx.tick()
 
-    simulator = Simulator(requests)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(requests, testbench)
     assert came == [*((block, 0) for block in waiting), (20, 1), (21, 1)]

@@ -2,16 +2,17 @@
 
 import random
 from collections import defaultdict
+from functools import cache
 from typing import Any
 
 import pytest
-from amaranth.sim import Simulator
 
 from lightloom.golden_model.contract.formats import TIME_BITS, TRACE_ERRORS, WIDTH
 from lightloom.rtl.config import Config
 from lightloom.rtl.traversal.control import SURE, Control
 from lightloom.rtl.traversal.node_decision import NEAR_BITS
 from lightloom.rtl.traversal.run_ahead import FEW, WINDOW
+from tests.rtl.simulation import Simulation
 
 SEED = 1984
 RAYS = 120
@@ -20,6 +21,13 @@ VISITS = 12
 PATIENCE = 400
 """Cycles in which something must happen."""
 SMALL = Config.of(contexts=4, overlap=3, stack=6)
+
+
+@cache
+def compiled() -> tuple[Control, Simulation]:
+    """The control, also in a simulator."""
+    dut = Control(SMALL)
+    return dut, Simulation(dut)
 
 
 class Surroundings:
@@ -111,7 +119,7 @@ class Surroundings:
 
 @pytest.mark.parametrize("overlap", [1, 2, 3])
 def test_every_ray_is_finished_once(overlap: int) -> None:
-    dut = Control(SMALL)
+    dut, simulation = compiled()
     around = Surroundings(dut, overlap)
     rng = around.rng
 
@@ -145,10 +153,7 @@ def test_every_ray_is_finished_once(overlap: int) -> None:
             await ctx.tick()
         assert around.most == overlap, "fewer visits at a time than there may be"
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulation.run(testbench)
 
 
 @pytest.mark.parametrize(
@@ -158,7 +163,7 @@ def test_every_ray_is_finished_once(overlap: int) -> None:
 )
 def test_how_far_a_ray_runs_ahead(backlog: int, starved: int, near: int, most: int) -> None:
     """One ray, whose root has more children than there may be visits under way, none of which ever comes back."""
-    dut = Control(SMALL)
+    dut, simulation = compiled()
     asked = 0
 
     async def testbench(ctx: Any) -> None:
@@ -188,10 +193,7 @@ def test_how_far_a_ray_runs_ahead(backlog: int, starved: int, near: int, most: i
             asked += ctx.get(dut.node_request.valid)
             await ctx.tick()
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulation.run(testbench)
     assert asked == most
 
 
@@ -230,7 +232,7 @@ def test_no_ray_runs_ahead_while_visits_of_nodes_wait(starved: int, runs_ahead: 
     What a busy ray goes on to holds up FEW visits of others, which have none under way. One more ray has one under way,
     and would run ahead: what it has chosen by the end comes right behind them.
     """
-    dut = Control(SMALL)
+    dut, simulation = compiled()
     busy, *others, ahead = range(FEW + 2)
     asked: list[int] = []
 
@@ -251,10 +253,7 @@ def test_no_ray_runs_ahead_while_visits_of_nodes_wait(starved: int, runs_ahead: 
             asked.append(ctx.get(dut.node_request.payload.context))
             await ctx.tick()
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulation.run(testbench)
     assert asked[: FEW + 1] == [busy, *others]
     assert (ahead in asked) == runs_ahead
 
@@ -264,7 +263,7 @@ def test_no_ray_runs_ahead_while_the_stacks_are_written() -> None:
 
     def cycles_until_it_runs_ahead(children: int) -> int:
         """From a node of the other ray with so many children."""
-        dut = Control(SMALL)
+        dut, simulation = compiled()
         ahead, other = 0, 1
         taken = []
 
@@ -280,10 +279,7 @@ def test_no_ray_runs_ahead_while_the_stacks_are_written() -> None:
                 await ctx.tick()
                 assert len(taken) < 50
 
-        simulator = Simulator(dut)
-        simulator.add_clock(1e-6)
-        simulator.add_testbench(testbench)
-        simulator.run()
+        simulation.run(testbench)
         return len(taken)
 
     at_once, *delayed = [cycles_until_it_runs_ahead(children) for children in range(1, 6)]
@@ -319,7 +315,7 @@ def test_which_entries_are_near(lists: list[tuple[int, list[int]]], at_once: lis
     `lists`: its nodes before that, each the nearest child of the one before: the rank, and the highest 8 bits of the
     distances of the children. Child k of node n is visited as 100 n + k. It chooses a SUREth visit, and more if near.
     """
-    dut = Control(SMALL)
+    dut, simulation = compiled()
     chosen: list[list[int]] = []
 
     async def testbench(ctx: Any) -> None:
@@ -344,10 +340,7 @@ def test_which_entries_are_near(lists: list[tuple[int, list[int]]], at_once: lis
                 await ctx.tick()
                 ctx.set(dut.leaf.valid, 0)
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulation.run(testbench)
     assert chosen == [at_once, later]
 
 
@@ -357,7 +350,7 @@ def test_an_entry_that_was_read_says_nothing_of_what_comes_above_it(cycles: int,
 
     Where it comes while that entry is still read, it is taken for near.
     """
-    dut = Control(SMALL)
+    dut, simulation = compiled()
     chosen: list[int] = []
 
     async def testbench(ctx: Any) -> None:
@@ -386,10 +379,7 @@ def test_an_entry_that_was_read_says_nothing_of_what_comes_above_it(cycles: int,
         ctx.set(dut.backlog, 0)
         await ask(20)
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulation.run(testbench)
     assert chosen == expected
 
 
@@ -399,7 +389,7 @@ TIME = 1000
 @pytest.mark.parametrize(("entry", "visited"), [(TIME - 1, True), (TIME, True), (TIME + 1, False)])
 def test_an_entry_is_dropped_only_beyond_the_best_hit(entry: int, visited: bool) -> None:
     """At the distance of the best hit there may be a hit of a lower index, or a nearer one that rounds the same."""
-    dut = Control(SMALL)
+    dut, simulation = compiled()
     leaves: list[int] = []
 
     async def testbench(ctx: Any) -> None:
@@ -443,8 +433,5 @@ def test_an_entry_is_dropped_only_beyond_the_best_hit(entry: int, visited: bool)
             ctx.set(dut.leaf.valid, asked)
             assert len(leaves) <= 2
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run_until(2e-4)
+    simulation.run(testbench, cycles=200)
     assert leaves == ([2, 3] if visited else [2])

@@ -1,20 +1,22 @@
 """The reader of a tree's header: what it takes over, and every header that it refuses."""
 
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from amaranth.sim import Simulator
 
 from lightloom.gen.verilog import convert
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import BVH_HEADER, BVH_MAGIC, BVH_VERSION, LOAD_ERRORS
+from lightloom.rtl.memory.axi_checker import AxiChecker
 from lightloom.rtl.memory.header_reader import HeaderReader
 from lightloom.verif.drivers.axi_ports import AmaranthSlave
 from lightloom.verif.drivers.axi_slave import SLVERR, Wrong, wrong_ends
 from tests.gen.test_lint import WAIVERS, lint
+from tests.rtl.simulation import Simulation
 from tests.rtl.watched import watched
 
 BASE = 0x12_3456_7000
@@ -44,6 +46,14 @@ def header(**fields: Any) -> np.ndarray:
     return words
 
 
+@cache
+def compiled(shape: tuple[tuple[str, int], ...]) -> tuple[HeaderReader, AxiChecker, Simulation]:
+    """A reader of that shape, the checker beside its port, and both in a simulator."""
+    reader = HeaderReader(**dict(shape))
+    dut, checker = watched(reader)
+    return reader, checker, Simulation(dut)
+
+
 class Loads:
     """Loads headers one after another and notes what the reader says of each.
 
@@ -61,8 +71,8 @@ class Loads:
         **limits: int,
     ):
         self.ticks, self.pause = ticks, pause
-        self.reader = HeaderReader(**({"width": 8, "stack": 24} | limits), data_width=data_width)
-        self.dut, checker = watched(self.reader)
+        shape = {"width": 8, "stack": 24, "data_width": data_width} | limits
+        self.reader, checker, self.simulation = compiled(tuple(sorted(shape.items())))
         options: dict[str, Any] = {"latency": latency, "stall": stall, "seed": 3, "content": self.content}
         self.memory = AmaranthSlave(self.reader.m_axi, checker=checker, **options)
         self.words = header()
@@ -113,10 +123,7 @@ class Loads:
                 seen["lattice_origin"] = [ctx.get(reader.lattice_origin[k]) for k in range(3)]
                 self.seen.append(seen | {"cycles": cycle})
 
-        simulator = Simulator(self.dut)
-        simulator.add_clock(1e-6)
-        simulator.add_testbench(testbench)
-        simulator.run()
+        self.simulation.run(testbench)
         return self.seen
 
 

@@ -19,7 +19,7 @@ from lightloom.rtl.traversal.records import ERROR_BITS
 from lightloom.sim import toolchain
 from lightloom.sim.runner import run_cocotb
 from tests import ROOT
-from tests.simulators import SIMULATORS, needs_icarus
+from tests.simulators import needs_icarus
 
 SEED = 1997
 WAIVERS = ROOT / "gen" / "lint.vlt"
@@ -32,8 +32,18 @@ def verilog(config: Config) -> str:
     return convert(LeafStage(config), "leaf_stage")
 
 
-@pytest.mark.parametrize("simulator", SIMULATORS)
-@pytest.mark.parametrize(("contexts", "interval"), [(4, 1), (16, 1), (8, 2)])
+ICARUS = [pytest.mark.icarus, needs_icarus]
+
+
+@pytest.mark.parametrize(
+    ("contexts", "interval", "simulator"),
+    [
+        *(pytest.param(*shape, "verilator") for shape in ((4, 1), (16, 1), (8, 2))),
+        pytest.param(8, 2, "icarus", marks=ICARUS),
+        # For every day the same on Verilator, with many more rays.
+        *(pytest.param(*shape, "icarus", marks=[*ICARUS, pytest.mark.long]) for shape in ((4, 1), (16, 1))),
+    ],
+)
 def test_bench(simulator: str, contexts: int, interval: int, tmp_path: Path) -> None:
     config = PRESETS["tiny"].but(contexts=contexts, triangle_interval=interval)
     stage = LeafStage(config)

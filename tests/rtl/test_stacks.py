@@ -8,6 +8,7 @@ from amaranth.sim import Simulator
 from lightloom.golden_model.contract.formats import WIDTH
 from lightloom.rtl.config import PRESETS
 from lightloom.rtl.traversal.stacks import Stacks
+from tests.rtl.simulation import simulate
 
 SEED = 1989
 LISTS = 60
@@ -30,10 +31,7 @@ def test_backlog() -> None:
             await ctx.tick()
             seen.append(ctx.get(stacks.backlog))
 
-    simulator = Simulator(stacks)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(stacks, testbench)
     assert seen == [0, 1, 1, 1, 1, 1, 0, 0, 0]
 
 

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 from amaranth import Module, Signal, Value
-from amaranth.sim import Simulator
 
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import (
@@ -30,6 +29,7 @@ from lightloom.golden_model.tracing.wide_bvh.encode import build_wide
 from lightloom.golden_model.tracing.wide_bvh.traversal import queries_of, trace_tree
 from lightloom.rtl.config import PRESETS
 from lightloom.rtl.fabric.one_hot import next_of
+from lightloom.rtl.memory.axi_checker import AxiChecker
 from lightloom.rtl.traversal.loader import Loader
 from lightloom.rtl.traversal.masks import Counts, minus, one_hot, plus
 from lightloom.rtl.traversal.unit import COUNTERS, Traversal
@@ -40,6 +40,7 @@ from lightloom.verif.drivers.axi_slave import Wrong
 from tests import ROOT
 from tests.gen.test_lint import WAIVERS, lint
 from tests.rtl.agreement import fields_in_hex
+from tests.rtl.simulation import Simulation, simulate
 from tests.rtl.watched import watched
 
 SEED = 1987
@@ -317,10 +318,15 @@ def test_the_loader_waits_for_rays() -> None:
         await ctx.tick()
         assert (ctx.get(loader.go), ctx.get(loader.loading)) == (0, 0)
 
-    simulator = Simulator(loader)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(bench)
-    simulator.run()
+    simulate(loader, bench)
+
+
+@functools.cache
+def compiled() -> tuple[Traversal, AxiChecker, Simulation]:
+    """The unit, the checker beside its port, and both in a simulator."""
+    traversal = Traversal(SMALL)
+    dut, checker = watched(traversal)
+    return traversal, checker, Simulation(dut)
 
 
 def test_another_tree_while_rays_are_under_way() -> None:
@@ -336,11 +342,9 @@ def test_another_tree_while_rays_are_under_way() -> None:
             for blocks, part in zip(trees, (slice(before), slice(before, None)), strict=True)
         ]
     )
-    traversal = Traversal(SMALL)
+    traversal, checker, simulation = compiled()
     packed = [int.from_bytes(row.tobytes(), "little") for row in bitpack.pack(queries)]
     answers: dict[int, int] = {}
-
-    dut, checker = watched(traversal)
 
     def content(address: int, size: int) -> int:
         first = address - bases[0]
@@ -371,10 +375,7 @@ def test_another_tree_while_rays_are_under_way() -> None:
                 answers[tag] = answer & (1 << bitpack.width(RAY_RESULT)) - 1
             await ctx.tick()
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(bench)
-    simulator.run()
+    simulation.run(bench)
     rows = b"".join(answers[k].to_bytes(4 * bitpack.words(RAY_RESULT), "little") for k in range(count))
     got = bitpack.unpack(np.frombuffer(rows, dtype="<u4").reshape(count, -1), RAY_RESULT)
     assert (got["error"] == 0).all()
@@ -396,11 +397,9 @@ def test_a_load_waits_for_a_prefetch() -> None:
     rays = RAY_FAMILIES["diffuse"](triangles, 1, SEED)
     rays["origin"], rays["direction"] = (0, 0, -3), (0, 0, 1)
     query = int.from_bytes(bitpack.pack(queries_of(rays, any_hit=True))[0].tobytes(), "little")
-    traversal = Traversal(SMALL)
+    traversal, checker, simulation = compiled()
     beats = BLOCK_BYTES * 8 // SMALL.memory.axi_width
     late = Wrong(beats=beats, last=frozenset({beats - 1}), after=300)
-
-    dut, checker = watched(traversal)
 
     def content(address: int, size: int) -> int:
         return int.from_bytes(image[address : address + size], "little")
@@ -440,10 +439,7 @@ def test_a_load_waits_for_a_prefetch() -> None:
             await step()
         assert memory.under_way == 1, "the header is not all that is on its way"
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(bench)
-    simulator.run()
+    simulation.run(bench)
 
 
 # --- small parts ------------------------------------------------------------------------------------------------------
@@ -480,10 +476,7 @@ def test_counts_of_contexts() -> None:
             assert ctx.get(some) == sum((number > 0) << k for k, number in enumerate(numbers))
             assert ctx.get(below) == sum((number < ctx.get(limit)) << k for k, number in enumerate(numbers))
 
-    simulator = Simulator(m)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(bench)
-    simulator.run()
+    simulate(m, bench)
 
 
 def test_every_context_has_its_turn() -> None:
@@ -503,10 +496,7 @@ def test_every_context_has_its_turn() -> None:
         await ctx.tick()
         assert ctx.get(chosen) == 1 << 1
 
-    simulator = Simulator(m)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(bench)
-    simulator.run()
+    simulate(m, bench)
 
 
 def test_lint(tmp_path: Path) -> None:

@@ -3,12 +3,12 @@
 from typing import Any
 
 import pytest
-from amaranth.sim import Simulator
 
 from lightloom.rtl.config import PRESETS
 from lightloom.rtl.memory.block_cache import CROWD
 from lightloom.rtl.traversal.records import node_visit
 from lightloom.rtl.traversal.visited_blocks import BACKLOG, VisitedBlocks
+from tests.rtl.simulation import simulate
 
 IN_CACHE = 4
 """Requests that a cache of one miss takes: one is read, one waits for the end of that, and two behind it."""
@@ -37,8 +37,5 @@ def test_backlog(misses: int, few: int) -> None:
             await ctx.tick().repeat(10)
             seen.append(ctx.get(blocks.backlog))
 
-    simulator = Simulator(blocks)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(blocks, testbench)
     assert seen == [0] * few + [1] * 3

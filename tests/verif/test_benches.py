@@ -21,7 +21,9 @@ SEED = 2013
 COUNT = {"verilator": (1000, 1000), "icarus": (300, 100)}
 
 
-SLOW_ON_ICARUS = {"ray_triangle_half", "texel_project", "texel_blend"}
+SLOW_ON_ICARUS = {"ray_triangle", "ray_triangle_half", "texel_match", "texel_project", "texel_blend"}
+"""Larger ones whose twin for every day is the same bench on Verilator; of ray_triangle, Icarus also takes the one that
+shares its operators."""
 
 
 def marks_of(unit: str, simulator: str) -> list[pytest.MarkDecorator]:

@@ -9,7 +9,8 @@ from tests.simulators import needs_icarus
 
 SEED = 1931
 SMALLER = Sizes(accesses=120, few=3, torn=2, times=1)
-"""For Icarus, which is there for what is undefined and for the order of events."""
+"""For Icarus, which is there for what is undefined and for the order of events. Of that, tests/verif/test_registers.py
+has smaller units behind the same registers for every day."""
 PARTS = {
     "registers": ("reset_values|accesses_at_random", 8),
     "events": ("events_while|interrupt_of|refused", 5),
@@ -32,7 +33,7 @@ def sizes(simulator: str) -> Sizes:
                 part,
                 "icarus",
                 id=f"{part}-icarus",
-                marks=[pytest.mark.icarus, needs_icarus, *([] if part == "registers" else [pytest.mark.long])],
+                marks=[pytest.mark.icarus, needs_icarus, pytest.mark.long],
             )
             for part in PARTS
         ),

@@ -19,9 +19,13 @@ MINE = [fault for fault in FAULTS.values() if fault.blocks == RUN["blocks"]]
 async def play(dut: Any, trace: list[Cycle]) -> list[tuple[str, str]]:
     """Shows a trace; which rules of the master and of the slave are named behind each of its cycles."""
     seen = []
+    signals = {name: getattr(dut, name if name == "rst" else f"m_axi_{name}") for name in trace[0]}
+    before: Cycle = {}
     for cycle in trace:
         for name, value in cycle.items():
-            getattr(dut, name if name == "rst" else f"m_axi_{name}").value = value
+            if before.get(name) != value:
+                signals[name].value = value
+        before = cycle
         dut.clk.value = 0
         await Timer(5, unit="ns")
         dut.clk.value = 1

@@ -2,6 +2,7 @@
 
 import random
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import cocotb
@@ -27,24 +28,27 @@ class CocotbSlave(AxiSlave):
 
     def __init__(self, dut: Any, prefix: str, *, rng: random.Random) -> None:
         self.regions = Regions()
-        self._dut, self._prefix = dut, prefix
+        self._dut = dut
+        self._signal = cache(lambda name: getattr(dut, f"{prefix}_{name}"))
         lanes, self._outputs = lanes_and_outputs(
-            lambda name: hasattr(dut, f"{prefix}_{name}"), lambda name: len(getattr(dut, f"{prefix}_{name}"))
+            lambda name: hasattr(dut, f"{prefix}_{name}"), lambda name: len(self._signal(name))
         )
         super().__init__(lanes, rng=rng, content=self.regions, strict=True)
         self._rules = [getattr(dut, name) for name in RULE_PORTS if hasattr(dut, name)]
         cocotb.start_soon(self._run())
 
     def _get(self, name: str) -> int:
-        return int(getattr(self._dut, f"{self._prefix}_{name}").value)
+        return int(self._signal(name).value)
 
     async def _run(self) -> None:
         dut, quiet = self._dut, dict.fromkeys(self._outputs, 0)
         rising, falling = RisingEdge(dut.clk), FallingEdge(dut.clk)
         shown, in_reset = quiet, True
+        driven: dict[str, int] = {}
         while True:
             for name, value in shown.items():
-                getattr(dut, f"{self._prefix}_{name}").value = value
+                if driven.get(name) != value:
+                    self._signal(name).value = driven[name] = value
             await falling
             in_reset = bool(int(dut.rst.value))
             if in_reset:

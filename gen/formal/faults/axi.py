@@ -57,7 +57,7 @@ FAULTS = (
         old="looks & (beats.head.strb & ~may).any()",
         new="looks & 0",
         what="the checker does not see strobes outside of a beat",
-        checks=("tests/rtl/memory/test_axi_checker.py::test_a_fault_is_named",),
+        checks=("tests/rtl/memory/test_axi_checker.py::test_bench",),
     ),
     Mutation(
         name="beats-of-nothing-unseen",
@@ -65,6 +65,6 @@ FAULTS = (
         old="awaited.eq(now.bursts != asked.of(port.rid))",
         new="awaited.eq(1)",
         what="the checker does not see beats of no burst",
-        checks=("tests/rtl/memory/test_axi_checker.py::test_a_fault_is_named",),
+        checks=("tests/rtl/memory/test_axi_checker.py::test_bench",),
     ),
 )

@@ -7,7 +7,8 @@ from typing import Any
 
 from amaranth import ClockDomain, Module, Value
 from amaranth.lib import wiring
-from amaranth.sim import Simulator
+
+from tests.rtl.simulation import simulate
 
 PATIENCE = 400
 """Cycles without any transfer after which a component is taken to hang."""
@@ -40,16 +41,13 @@ def exchange(
     top = Module()
     top.domains.sync = ClockDomain()  # also where the component has no register
     top.submodules.component = component
-    simulator = Simulator(top)
-    simulator.add_clock(1e-6)
     rng = random.Random(seed)
 
     async def testbench(ctx: Any) -> None:
         for (give, take), transfers in zip(rates, seen, strict=True):
             await _run(ctx, component, payloads, rng, give, take, transfers)
 
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(top, testbench)
     for transfers in seen:
         assert len(transfers.received) == len(payloads), f"seed {seed}: {transfers}"
     return seen

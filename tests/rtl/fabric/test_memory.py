@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 from amaranth import Module
 from amaranth.lib import wiring
-from amaranth.sim import Simulator
 
 from lightloom.rtl.fabric.fifos import RamFifo, RegisterFifo
 from lightloom.rtl.fabric.memory import Ram, RegisterFile, Wrapped, Wrapper, write_first
 from tests import ROOT
+from tests.rtl.simulation import simulate
 
 SEED = 2029
 DEPTH, WIDTH = 6, 9
@@ -81,10 +81,7 @@ def run(dut: Any, cycles: int, check: Any) -> None:
             after = {name: ctx.get(getattr(dut, name.replace("addr", "data"))) for name in reads}
             check(f"seed {SEED}, cycle {cycle}, {asked}", asked, before, after)
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(dut, testbench)
 
 
 class WriteFirst(wiring.Component):
@@ -170,8 +167,5 @@ def test_a_fifo_is_a_list(kind: Any, depth: int) -> None:
             if takes:
                 inside.append(payload)
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(dut, testbench)
     assert seen == set(range(depth + 1))

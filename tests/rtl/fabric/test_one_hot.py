@@ -9,6 +9,7 @@ from amaranth import Module, Signal, Value
 from amaranth.sim import Simulator
 
 from lightloom.rtl.fabric.one_hot import above_lowest, any_of, lowest, next_of, number_of, pick
+from tests.rtl.simulation import simulate
 
 SEED = 1999
 WIDTHS = range(1, 9)
@@ -89,7 +90,4 @@ def test_round_robin(width: int) -> None:
                 last = after(last, mask, width)
             await ctx.tick()
 
-    simulator = Simulator(m)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(m, testbench)

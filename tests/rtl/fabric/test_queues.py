@@ -6,10 +6,10 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from amaranth.sim import Simulator
 
 from lightloom.rtl.fabric.queues import Buffer, FreeList, PassingQueue, Queue, number_width
 from tests.rtl.fabric.streams import exchange
+from tests.rtl.simulation import simulate
 
 SEED = 1971
 WIDTH = 10
@@ -49,10 +49,7 @@ def test_buffer_takes_two_and_is_then_full() -> None:
         await ctx.tick()
         ready.append(ctx.get(dut.i.ready))
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(dut, testbench)
     assert ready == [1, 1, 0, 0, 0, 0, 0, 1]
 
 
@@ -83,10 +80,7 @@ def through(dut: Queue | PassingQueue, depth: int, give: float, take: float) -> 
                 inside.append((payload, cycle))
             await ctx.tick()
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(dut, testbench)
     assert len(times) > CYCLES * min(give, take) / 4
     return times
 
@@ -140,10 +134,7 @@ def test_free_numbers(count: int) -> None:
                 given.append(number)
             await ctx.tick()
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(dut, testbench)
     assert given[:count] == list(range(count))
     assert len(given) > CYCLES // 8
     assert set(given[count:]) == set(range(count))

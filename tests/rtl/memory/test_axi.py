@@ -8,13 +8,13 @@ import pytest
 from amaranth import Module
 from amaranth.lib import wiring
 from amaranth.lib.wiring import Out
-from amaranth.sim import Simulator
 
 from lightloom.gen.verilog import ports_of
 from lightloom.rtl.memory.axi import Axi, AxiPort, AxiRead, AxiWrite
 from lightloom.rtl.memory.axi_writer import AxiWriter
 from lightloom.rtl.memory.header_reader import HeaderReader
 from lightloom.verif.drivers.axi_ports import AmaranthSlave
+from tests.rtl.simulation import simulate
 from tests.rtl.test_header_reader import header
 from tests.rtl.watched import watched
 
@@ -110,10 +110,7 @@ def test_what_was_written_is_read_through_the_same_port() -> None:
         assert await load(ctx)
         assert ctx.get(unit.reader.blocks) == 77
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(dut, testbench)
 
 
 @pytest.mark.parametrize(("width", "beats", "size"), [(32, 16, 2), (128, 4, 4), (512, 1, 6)])

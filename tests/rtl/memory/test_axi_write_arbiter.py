@@ -4,19 +4,21 @@
 
 import random
 from collections import deque
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
-from amaranth.sim import Simulator
 
 from lightloom.gen.verilog import convert
 from lightloom.golden_model.contract.formats import BLOCK_BYTES
+from lightloom.rtl.memory.axi_checker import AxiChecker
 from lightloom.rtl.memory.axi_write_arbiter import AxiWriteArbiter
 from lightloom.rtl.memory.read_timer import ReadTimer
 from lightloom.verif.drivers.axi_ports import AmaranthSlave
 from lightloom.verif.drivers.axi_slave import OKAY, SLVERR, Wrong
 from tests.gen.test_lint import WAIVERS, lint
+from tests.rtl.simulation import Simulation, simulate
 from tests.rtl.watched import watched
 
 SEED = 91
@@ -98,10 +100,17 @@ class Master:
         return not (self.left or self.addresses or self.beats or self.waiting)
 
 
-def run(count: int, writes: int, *, options: list[dict[str, float]] | None = None, **slave: Any) -> Any:
-    """Masters of `writes` blocks each; they and the memory behind them."""
+@cache
+def compiled(count: int) -> tuple[AxiWriteArbiter, AxiChecker, Simulation]:
+    """An arbiter of so many masters, the checker beside its port, and both in a simulator."""
     arbiter = AxiWriteArbiter(count, **SHAPE)
     dut, checker = watched(arbiter)
+    return arbiter, checker, Simulation(dut)
+
+
+def run(count: int, writes: int, *, options: list[dict[str, float]] | None = None, **slave: Any) -> Any:
+    """Masters of `writes` blocks each; they and the memory behind them."""
+    arbiter, checker, simulation = compiled(count)
     memory = AmaranthSlave(arbiter.m_axi, checker=checker, seed=SEED, **slave)
     memory.errors = BAD
     masters = [Master(arbiter.masters[k], k, writes, **(options or [{}] * count)[k]) for k in range(count)]
@@ -122,10 +131,7 @@ def run(count: int, writes: int, *, options: list[dict[str, float]] | None = Non
             cycle += 1
             assert cycle < moved + 500, "hangs"
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulation.run(testbench)
     return masters, memory
 
 
@@ -233,10 +239,7 @@ class Aborted:
                 assert not ctx.get(arbiter.m_axi.awvalid)
                 assert not ctx.get(arbiter.m_axi.wvalid)
 
-        simulator = Simulator(self.dut)
-        simulator.add_clock(1e-6)
-        simulator.add_testbench(testbench)
-        simulator.run()
+        simulate(self.dut, testbench)
         return self
 
 
@@ -291,10 +294,7 @@ def test_answers_that_nobody_asked_for_do_not_count() -> None:
         await ctx.tick()
         assert not ctx.get(arbiter.aborting), "waits for answers to no write"
 
-    simulator = Simulator(arbiter)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(arbiter, testbench)
 
 
 def test_answers_to_nobody_are_dropped() -> None:
@@ -309,10 +309,7 @@ def test_answers_to_nobody_are_dropped() -> None:
             await ctx.tick()
             assert not any(ctx.get(master.bvalid) for master in arbiter.masters)
 
-    simulator = Simulator(arbiter)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(arbiter, testbench)
 
 
 def test_arbiters_that_cannot_be_built() -> None:

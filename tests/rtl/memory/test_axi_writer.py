@@ -5,19 +5,21 @@
 import random
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
-from amaranth.sim import Simulator
 
 from lightloom.gen.verilog import convert
 from lightloom.golden_model.contract.formats import BLOCK_BYTES, WRITE_ERRORS
+from lightloom.rtl.memory.axi_checker import AxiChecker
 from lightloom.rtl.memory.axi_writer import AxiWriter
 from lightloom.rtl.memory.read_timer import ReadTimer
 from lightloom.verif.drivers.axi_ports import AmaranthSlave
 from lightloom.verif.drivers.axi_slave import SLVERR, Wrong
 from tests.gen.test_lint import WAIVERS, lint
+from tests.rtl.simulation import Simulation, simulate
 from tests.rtl.watched import watched
 
 SEED = 618
@@ -47,6 +49,16 @@ def random_blocks(rng: random.Random, count: int, *, base: int = BASE, limit: in
     return blocks
 
 
+@cache
+def compiled(shape: tuple[tuple[str, int], ...]) -> tuple[AxiWriter, ReadTimer, AxiChecker, Simulation]:
+    """A writer of that shape, its timer, the checker beside its port, and all of them in a simulator."""
+    writer = AxiWriter(**dict(shape))
+    dut, checker = watched(writer)
+    dut.submodules.timer = timer = ReadTimer()
+    dut.d.comb += [writer.tick.eq(timer.tick), writer.timed.eq(timer.runs)]
+    return writer, timer, checker, Simulation(dut)
+
+
 class Run:
     """A writer with its memory, in Amaranth's simulator. `on_cycle` is called in every cycle when all has settled."""
 
@@ -55,15 +67,7 @@ class Run:
     ) -> None:
         self.rng = random.Random(SEED)
         self.give, self.timeout = give, timeout
-        self.writer = AxiWriter(**(SHAPE | shape))
-        self.dut, checker = watched(self.writer)
-        timer = ReadTimer()
-        self.dut.submodules.timer = timer
-        self.dut.d.comb += [
-            timer.timeout.eq(timeout),
-            self.writer.tick.eq(timer.tick),
-            self.writer.timed.eq(timer.runs),
-        ]
+        self.writer, self.timer, checker, self.simulation = compiled(tuple(sorted((SHAPE | shape).items())))
         self.memory = AmaranthSlave(self.writer.m_axi, checker=checker, seed=SEED, **(memory or {}))
         self.base, self.limit = BASE, LIMIT
         self.accepted: list[Block] = []
@@ -75,18 +79,16 @@ class Run:
 
     def __call__(self, blocks: Iterable[Block], *, least: int = 0) -> "Run":
         """Gives the blocks, and goes on until the writer is idle and `least` cycles have passed."""
-        simulator = Simulator(self.dut)
-        simulator.add_clock(1e-6)
 
         async def testbench(ctx: Any) -> None:
             await self._run(ctx, list(blocks), least)
 
-        simulator.add_testbench(testbench)
-        simulator.run()
+        self.simulation.run(testbench)
         return self
 
     async def _run(self, ctx: Any, blocks: list[Block], least: int) -> None:
         writer, offers, cycle, moved, answered = self.writer, False, 0, 0, 0
+        ctx.set(self.timer.timeout, self.timeout)
         ctx.set(writer.base, self.base)
         ctx.set(writer.limit, self.limit)
         while blocks or cycle < max(moved + 5, least) or not ctx.get(writer.idle):
@@ -328,10 +330,7 @@ def test_answers_that_are_nobodys_do_not_count() -> None:
         assert ctx.get(writer.idle)
         assert ctx.get(writer.error) == MEMORY
 
-    simulator = Simulator(writer)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(testbench)
-    simulator.run()
+    simulate(writer, testbench)
 
 
 def test_writers_that_cannot_be_built() -> None:

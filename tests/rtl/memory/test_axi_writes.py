@@ -1,6 +1,8 @@
 """The writers of blocks behind their arbiter: their bench on both simulators, and what it has to find broken."""
 
 import json
+from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -29,7 +31,8 @@ OF_A_WRITER = ("base", "limit", "idle", "clear", "error", "error_block", "abort"
 PORTS += [f"{name}{k}" for k in range(2) for name in OF_A_WRITER]
 
 
-def emitted(data_width: int) -> dict[str, str]:
+@cache
+def emitted(data_width: int) -> Mapping[str, str]:
     """The modules of the system that are made here: name to Verilog."""
     widths = {"address_width": 40, "data_width": data_width}
     writer = AxiWriter(writes=12, **widths, id_width=ID_BITS - 1)
@@ -42,7 +45,7 @@ def emitted(data_width: int) -> dict[str, str]:
 
 
 def bench(
-    folder: Path, simulator: str, data_width: int, *, count: int, texts: dict[str, str] | None = None, only: str = ""
+    folder: Path, simulator: str, data_width: int, *, count: int, texts: Mapping[str, str] | None = None, only: str = ""
 ) -> int:
     """Runs verif/benches/test_axi_writes.py with `count` blocks a test and writer, or its tests that match `only`."""
     image, regions = folder / "image.bin", folder / "regions.txt"
@@ -105,7 +108,7 @@ def test_bench(simulator: str, data_width: int, tmp_path: Path) -> None:
 def test_bench_catches_what_is_broken(
     module: str, original: str, mutant: str, only: str, message: str, tmp_path: Path
 ) -> None:
-    texts = emitted(64)
+    texts = dict(emitted(64))
     assert texts[module].count(original) == 1
     texts[module] = texts[module].replace(original, mutant)
     with pytest.raises(BenchError, match=message):

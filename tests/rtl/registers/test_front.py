@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 from amaranth import Const, Signal
-from amaranth.sim import Simulator
 
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.host.errors import InputError
@@ -17,6 +16,7 @@ from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
 from lightloom.rtl.registers.front import RegisterFront
 from lightloom.verif.vectors.unit_vectors import unit_vectors
+from tests.rtl.simulation import simulate
 
 UNIT, CONFIG = "float_add", PRESETS["tiny"]
 SEED, COUNT = 77, 150
@@ -144,11 +144,7 @@ def test_software_and_streams_share_a_unit() -> None:
             if len(ends) == 3:
                 return
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    for each in (software, giver, taker, inside):
-        simulator.add_testbench(each)
-    simulator.run_until(LIMIT * 1e-6)
+    simulate(dut, software, giver, taker, inside, cycles=LIMIT)
     assert sorted(ends) == ["giver", "software", "taker"], f"seed {SEED}: not over after {LIMIT} cycles"
     assert events > 10
 
@@ -174,10 +170,7 @@ def test_operands_are_held_while_they_wait() -> None:
         await cpu.write("release", 1)
         answers.append(await cpu.write("operand_a", 1))
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(bench)
-    simulator.run()
+    simulate(dut, bench)
     assert answers == [2, 2, 2, 2, 2, 0]
 
 

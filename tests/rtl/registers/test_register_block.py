@@ -5,12 +5,12 @@ from collections import deque
 from typing import Any
 
 import pytest
-from amaranth.sim import Simulator
 
 from lightloom.gen.manifest import registers
 from lightloom.rtl.registers.register_block import RegisterBlock
 from lightloom.verif.drivers.register_model import RegisterModel
 from tests.rtl.registers.toy import toy_table
+from tests.rtl.simulation import simulate
 
 ACCESSES = 1500
 
@@ -99,7 +99,4 @@ def test_reads_and_writes_at_random(busy: float) -> None:
                 return
         raise AssertionError(f"seed {seed}: {done} of {2 * ACCESSES} answers")
 
-    simulator = Simulator(dut)
-    simulator.add_clock(1e-6)
-    simulator.add_testbench(bench)
-    simulator.run()
+    simulate(dut, bench)
