@@ -25,7 +25,8 @@ from lightloom.golden_model.numerics.directions import (
 from lightloom.golden_model.numerics.floats import flush, quiet
 from lightloom.golden_model.numerics.vectors import add, scale, subtract
 from lightloom.golden_model.rays.hit_surface import surface_at
-from lightloom.golden_model.scene.lights import Lights, direct_candidates, lights_of, met_beyond, met_emission
+from lightloom.golden_model.rays.light_samples import direct_candidates, met_beyond, met_emission
+from lightloom.golden_model.scene.lights import Lights, lights_of
 from lightloom.golden_model.scene.ray_offset import lift, ray_start
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.trace_protocol import Trace

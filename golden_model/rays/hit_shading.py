@@ -25,8 +25,9 @@ from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.structured import take
 from lightloom.golden_model.numerics.vectors import add, dot, normalize, scale
 from lightloom.golden_model.rays.hit_surface import surface_at
+from lightloom.golden_model.rays.light_samples import direct_candidates
 from lightloom.golden_model.rays.surface_shading import INVERSE_PI, Surfaces, albedo_at, diffuse_radiance, emitted_at
-from lightloom.golden_model.scene.lights import Lights, direct_candidates
+from lightloom.golden_model.scene.lights import Lights
 from lightloom.golden_model.scene.parts import DIFFUSE, GLASS
 from lightloom.golden_model.scene.scene import Scene
 

@@ -12,19 +12,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightloom.golden_model.numerics.floats import float_to_fixed, float_to_fixed_down, flush, quiet
+from lightloom.golden_model.numerics.floats import float_to_fixed_down, flush, quiet
 from lightloom.golden_model.numerics.vectors import interpolate
+from lightloom.golden_model.scene.filters import LEVEL_BITS, corner, corners_of, read, read_between, weighted
 from lightloom.golden_model.scene.scene import Scene
 
 EMPTY, VALID, BURIED = 0, 1, 2
 """States of a texel; see `golden_model.contract.formats.TEXEL`."""
 RIGHT, DOWN = 1, 2
 """Bits of a texel's links: to the next one of its row, and to the one below."""
-PLACE_BITS = 8
-"""Of a place between two texels, after the point: a bilinear read has weights of twice as many."""
-_ONE = 1 << PLACE_BITS
-_VALUE_BITS = 24
-"""After the point of every binary16 number, subnormal ones included; before it there are 16."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,15 +159,11 @@ def bilinear_taps(lightmaps: Lightmaps, object_id: np.ndarray, uv: np.ndarray) -
     return _taps(width, height, lightmaps.offset[object_id].astype(np.int64), uv)
 
 
-@quiet
 def _taps(width: np.ndarray, height: np.ndarray, base: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """As `bilinear_taps`, in images of (N,) columns and rows that begin at texel `base` (N,)."""
-    x, y = float_to_fixed(flush(uv - np.float32(0.5)), PLACE_BITS).astype(np.int64).T
-    fx, fy = x & (_ONE - 1), y & (_ONE - 1)
-    column = [np.clip((x >> PLACE_BITS) + k, 0, width - 1) for k in (0, 1)]
-    row = [np.clip((y >> PLACE_BITS) + k, 0, height - 1) for k in (0, 1)]
-    texel = np.stack([base + row[j] * width + column[i] for j in (0, 1) for i in (0, 1)], axis=1)
-    return texel, np.stack([(_ONE - fx) * (_ONE - fy), fx * (_ONE - fy), (_ONE - fx) * fy, fx * fy], axis=1)
+    x, y, weight = corner(uv)
+    column, row = ([np.clip(c + k, 0, size - 1) for k in (0, 1)] for c, size in ((x, width), (y, height)))
+    return corners_of(column, row, base, width), weight
 
 
 def bilinear(lightmaps: Lightmaps, values: np.ndarray, object_id: np.ndarray, uv: np.ndarray) -> np.ndarray:
@@ -180,18 +172,7 @@ def bilinear(lightmaps: Lightmaps, values: np.ndarray, object_id: np.ndarray, uv
     Values are float32 that binary16 holds, 0 or more, as `readable` gives them, with `fill` applied. The weighted sum
     is exact, whatever the order, and rounded once.
     """
-    return _rounded(_weighted(values, *bilinear_taps(lightmaps, object_id, uv)), 2 * PLACE_BITS)
-
-
-def _weighted(values: np.ndarray, texel: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """The sum over the four taps, (N, K) int64 below 2**56, in 2**-40."""
-    taps = (values[texel].astype(np.float64) * 2.0**_VALUE_BITS).astype(np.int64)
-    return (taps * weight[:, :, None]).sum(axis=1)
-
-
-def _rounded(total: np.ndarray, bits: int) -> np.ndarray:
-    """Sums of values times weights of so many bits after the point to float32: the only rounding, to nearest even."""
-    return total.astype(np.float32) * np.float32(2.0 ** -(_VALUE_BITS + bits))
+    return read(weighted(values, *bilinear_taps(lightmaps, object_id, uv)))
 
 
 @quiet
@@ -214,10 +195,10 @@ def sample(
     if len(values) != levels.total:
         raise ValueError(f"{len(values)} values: all levels of these maps have {levels.total}")
     owner, place = object_id[far], uv[far]
-    wanted = np.minimum(lod[far].astype(np.int64), _deepest(lightmaps, levels, owner, place) << 8)
-    fine, fraction = wanted >> 8, (wanted & 255)[:, None]
+    wanted = np.minimum(lod[far].astype(np.int64), _deepest(lightmaps, levels, owner, place) << LEVEL_BITS)
+    fine = wanted >> LEVEL_BITS
     a, b = (
-        _weighted(
+        weighted(
             values,
             *_taps(
                 levels.width[owner, level],
@@ -228,9 +209,7 @@ def sample(
         )
         for level in (fine, np.minimum(fine + 1, levels.count[owner]))
     )
-    # Below 2**64, so its bits are those of an unsigned number.
-    between = (256 - fraction).astype(np.uint64) * a.view(np.uint64) + fraction.astype(np.uint64) * b.view(np.uint64)
-    out[far] = _rounded(between, 2 * PLACE_BITS + 8)
+    out[far] = read_between(a, b, wanted - (fine << LEVEL_BITS))
     return out
 
 

@@ -4,17 +4,19 @@ A texture is a picture of linear light that repeats in both directions. Each of 
 size (rounded down, at least 1), every texel the mean of what it covers there. The mean of a level is that of the
 picture, whatever its size: where three texels become one in part, each counts for the part of it that is covered.
 
-A lookup takes the two levels around the level of detail, each bilinearly, and goes between them in 1/256ths.
+A lookup takes the two levels around the level of detail, each bilinearly, and goes between them in 1/256ths: exact sums
+of texels that binary16 holds, rounded once (`golden_model.scene.filters`).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from lightloom.golden_model.numerics.floats import flush, quiet
+from lightloom.golden_model.numerics.floats import float_to_half, flush, half_to_float, quiet
+from lightloom.golden_model.scene.filters import LEVEL_BITS, corner, corners_of, read, read_between, weighted
 from lightloom.golden_model.scene.scene import Scene
 
-LOD_ONE = 256
+LOD_ONE = 1 << LEVEL_BITS
 """Steps of the level of detail from one level to the next."""
 
 
@@ -23,7 +25,10 @@ class Textures:
     """K textures with up to L levels each, all texels in one array."""
 
     texels: np.ndarray
-    """Linear RGB, (texels, 3) float32: texture by texture, level by level, row by row from v = 0."""
+    """Linear RGB that binary16 holds, (texels, 3) float32.
+
+    Texture by texture, level by level, row by row from v = 0.
+    """
     levels: np.ndarray
     """Levels of each texture, (K,) int64."""
     width: np.ndarray
@@ -32,8 +37,8 @@ class Textures:
     """Rows of each level, (K, L) int64, 1 beyond the last."""
     offset: np.ndarray
     """First texel of each level, (K, L) int64."""
-    scale: np.ndarray
-    """Size of each level over that of the finest, across and down, (K, L, 2) float32."""
+    inverse: np.ndarray
+    """One over the columns and the rows of the finest level, (K, 2) float32."""
 
 
 def _halved(rows: np.ndarray) -> np.ndarray:
@@ -50,9 +55,10 @@ def _halved(rows: np.ndarray) -> np.ndarray:
 
 
 def build_textures(pictures: tuple[np.ndarray, ...]) -> Textures | None:
-    """The mip chains of pictures (H, W, 3) float32, row 0 at v = 0; None without pictures.
+    """The mip chains of pictures (H, W, 3) float32, row 0 at v = 0, at most 65504; None without pictures.
 
-    Made in float64 from level to level, rounded once to float32.
+    Made in float64 from level to level; each level is rounded to float32 and to binary16, the next is made of the
+    unrounded one.
     """
     if not pictures:
         return None
@@ -74,12 +80,12 @@ def build_textures(pictures: tuple[np.ndarray, ...]) -> Textures | None:
     table = np.array([chain + [(1, 1, chain[-1][2])] * (most - len(chain)) for chain in sizes], dtype=np.int64)
     width, height = table[..., 0], table[..., 1]
     return Textures(
-        texels=flush(np.concatenate(parts)),
+        texels=half_to_float(float_to_half(np.concatenate(parts))),
         levels=np.array([len(chain) for chain in sizes], dtype=np.int64),
         width=width,
         height=height,
         offset=table[..., 2],
-        scale=np.stack([width / width[:, :1], height / height[:, :1]], axis=-1).astype(np.float32),
+        inverse=np.stack([1 / width[:, 0], 1 / height[:, 0]], axis=-1).astype(np.float32),
     )
 
 
@@ -95,35 +101,39 @@ def texel_coordinates(scene: Scene, primitive: np.ndarray) -> np.ndarray:
 
 
 @quiet
-def _bilinear(textures: Textures, index: np.ndarray, level: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Levels (N,) of textures (N,) read at `place` (N, 2) in texels of the finest level: (N, 3)."""
+def _wrapped(textures: Textures, index: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Places (N, 2) in texels of the finest levels of textures (N,) to what is left of whole pictures, 0 to 1."""
+    pictures = flush(place * textures.inverse[index])
+    return flush(pictures - np.floor(pictures))
+
+
+@quiet
+def _level(textures: Textures, index: np.ndarray, level: np.ndarray, part: np.ndarray) -> np.ndarray:
+    """The weighted sums at parts (N, 2) of pictures, in levels (N,) of textures (N,): (N, 3), for `read`."""
     width, height = textures.width[index, level], textures.height[index, level]
-    at = flush(flush(place * textures.scale[index, level]) - np.float32(0.5))
-    whole = np.floor(at)
-    fx, fy = flush(at - whole).T
-    gx, gy = flush(np.float32(1) - fx), flush(np.float32(1) - fy)
-    x, y = whole.astype(np.int64).T
-    columns, rows = (x % width, (x + 1) % width), (y % height, (y + 1) % height)
-    total = np.zeros((len(index), 3), dtype=np.float32)
-    for j, weight_y in ((0, gy), (1, fy)):
-        for i, weight_x in ((0, gx), (1, fx)):
-            texel = textures.texels[textures.offset[index, level] + rows[j] * width + columns[i]]
-            total = flush(total + flush(texel * flush(weight_x * weight_y)[:, None]))
-    return total
+    x, y, weight = corner(flush(part * np.stack([width, height], axis=1).astype(np.float32)))
+    # The last column is beside the first. Where the place is not a number, so is the column: 0.
+    column, row = (
+        [np.where(c + k < 0, c + k + size, (c + k) * (c + k < size)) for k in (0, 1)]
+        for c, size in ((x, width), (y, height))
+    )
+    return weighted(textures.texels, corners_of(column, row, textures.offset[index, level], width), weight)
 
 
 @quiet
 def sample_textures(textures: Textures, index: np.ndarray, place: np.ndarray, lod: np.ndarray) -> np.ndarray:
     """Textures (N,) read at `place` (N, 2), texels of the finest level, at a level of detail (N,) in 1/256ths: (N, 3).
 
-    Up to 0 the finest level, from the last level on the last one; between two levels a + f (b - a).
+    Up to 0 the finest level, from the last level on the last one; between two levels, with f the fraction of the level
+    of detail, (1 - f) a + f b.
     """
     last = (textures.levels[index] - 1) * LOD_ONE
     lod = np.clip(lod.astype(np.int64), 0, last)
-    level, fraction = lod // LOD_ONE, lod % LOD_ONE
-    out = _bilinear(textures, index, level, place)
+    level, fraction = lod >> LEVEL_BITS, lod & (LOD_ONE - 1)
+    part = _wrapped(textures, index, place)
+    fine = _level(textures, index, level, part)
+    out = read(fine)
     mixed = np.flatnonzero(fraction)
-    coarser = _bilinear(textures, index[mixed], level[mixed] + 1, place[mixed])
-    step = flush(fraction[mixed].astype(np.float32) * np.float32(1 / LOD_ONE))[:, None]
-    out[mixed] = flush(out[mixed] + flush(step * flush(coarser - out[mixed])))
+    coarser = _level(textures, index[mixed], level[mixed] + 1, part[mixed])
+    out[mixed] = read_between(fine[mixed], coarser, fraction[mixed])
     return out

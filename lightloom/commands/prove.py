@@ -22,7 +22,9 @@ def prove(
         bool,
         typer.Option("--mutations", help="Instead: seeded faults in the RTL, and what catches each of them."),
     ] = False,
-    list_properties: Annotated[bool, typer.Option("--list", help="Print the properties and prove nothing.")] = False,
+    only_list: Annotated[
+        bool, typer.Option("--list", help="Print the properties, or the faults, and prove nothing.")
+    ] = False,
     jobs: Annotated[int, typer.Option("--jobs", metavar="N", help="Properties at a time.")] = 2,
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="The folder for the counterexamples of what fails.")
@@ -40,6 +42,7 @@ def prove(
       lightloom prove float_add queue/depth3 --solver both
       lightloom prove --quick --json
       lightloom prove --mutations
+      lightloom prove --mutations --list
     """
     from lightloom.gen.formal.catalogue import PROPERTIES
     from lightloom.gen.formal.solve import PROGRAMS
@@ -49,7 +52,8 @@ def prove(
     choose(solver, (*PROGRAMS, "both"), "solver")
     solvers = list(PROGRAMS) if solver == "both" else [solver]
     if mutations:
-        table = proofs.mutation_table(names or [], jobs)
+        faults = proofs.chosen_faults(names or [])
+        table = proofs.listed_faults(faults) if only_list else proofs.mutation_table(faults, jobs)
     else:
         units = dict.fromkeys(one.unit for one in PROPERTIES.values())
         wanted = {choose(name, (*units, *PROPERTIES), "unit or property") for name in names or ()}
@@ -58,7 +62,7 @@ def prove(
             for one in PROPERTIES.values()
             if (not wanted or wanted & {one.unit, one.key}) and (one.quick or not quick)
         ]
-        table = proofs.listed(chosen) if list_properties else proofs.proof_table(chosen, solvers, jobs, out)
+        table = proofs.listed(chosen) if only_list else proofs.proof_table(chosen, solvers, jobs, out)
     _show(table, json)
     if not table.good:
         raise typer.Exit(1)

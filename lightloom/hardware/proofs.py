@@ -12,6 +12,7 @@ from typing import Any
 from lightloom.gen.flow import tools
 from lightloom.gen.formal import mutations
 from lightloom.gen.formal.faults.catalogue import FAULTS
+from lightloom.gen.formal.mutations import Mutation
 from lightloom.gen.formal.properties import HOLDS, Outcome, Property
 from lightloom.gen.formal.solve import PROGRAMS, solve
 from lightloom.golden_model.host.errors import InputError
@@ -103,10 +104,30 @@ def _failure(outcome: Outcome, out: Path) -> str:
     return f"{what}; waves in {out / outcome.trace}" if outcome.trace else what
 
 
-def mutation_table(names: Sequence[str], jobs: int) -> Table:
+def chosen_faults(names: Sequence[str]) -> list[Mutation]:
+    """The faults of these names; all of them without a name."""
+    return [FAULTS[choose(name, FAULTS, "fault")] for name in names] or list(FAULTS.values())
+
+
+def listed_faults(chosen: Sequence[Mutation]) -> Table:
+    """The faults, without seeding them, and what has to catch each."""
+    return Table(
+        title="Faults that can be seeded",
+        columns=["fault", "file", "what is wrong", "has to be caught by"],
+        rows=[
+            {
+                "fault": one.name,
+                "file": one.file,
+                "what is wrong": one.what,
+                "has to be caught by": ", ".join(one.checks),
+            }
+            for one in chosen
+        ],
+    )
+
+
+def mutation_table(chosen: Sequence[Mutation], jobs: int) -> Table:
     """Seeds faults, one at a time, and runs what has to catch each."""
-    chosen = [FAULTS[choose(name, FAULTS, "fault")] for name in names]
-    chosen = chosen or list(FAULTS.values())
     with Progress() as progress, progress.stage("faults", len(chosen)) as advance:
         caught = mutations.run(chosen, jobs, done=lambda one: advance(1))
     survivors = [row["fault"] for row in caught if not row["caught by"] and not row["equivalent"]]

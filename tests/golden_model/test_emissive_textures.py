@@ -8,8 +8,9 @@ from PIL import Image
 
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.oracle.true_picture import require_path_traced
+from lightloom.golden_model.rays.light_samples import direct_candidates
 from lightloom.golden_model.renderer import Renderer
-from lightloom.golden_model.scene.lights import direct_candidates, lights_of
+from lightloom.golden_model.scene.lights import lights_of
 from lightloom.golden_model.scene.texture_means import mean_over
 from tests.golden_model.moving_scenes import scene_of
 from tests.golden_model.scene.test_scene import refusal

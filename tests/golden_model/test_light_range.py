@@ -1,6 +1,7 @@
 """Scenes that are a billion times darker or brighter: the same picture, as many times darker or brighter."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -47,9 +48,19 @@ def pictures(scene: Scene, frames: int = 2) -> np.ndarray:
     return np.stack([renderer.frame().image for _ in range(frames)]).astype(np.float64)
 
 
+@cache
+def usual_pictures() -> np.ndarray:
+    return pictures(shining(BRIGHTEST))
+
+
+@cache
+def usual_pictures_of_a_point_light() -> np.ndarray:
+    return pictures(with_point_light(1e6), 8)
+
+
 @pytest.mark.parametrize("radiance", [1e-6, 1e-3, 1e6, 1e7, 1e30])
 def test_energy_is_that_of_the_usual_scene(radiance: float) -> None:
-    usual, found = pictures(shining(BRIGHTEST)), pictures(shining(radiance))
+    usual, found = usual_pictures(), pictures(shining(radiance))
     assert found.sum() / usual.sum() == pytest.approx(radiance / BRIGHTEST, rel=0.01)
     # Smoothing knows noise and differences in half octaves: what it takes of which neighbour differs a little.
     assert np.abs(found * (BRIGHTEST / radiance) - usual).sum() < 0.01 * usual.sum()
@@ -57,7 +68,7 @@ def test_energy_is_that_of_the_usual_scene(radiance: float) -> None:
 
 @pytest.mark.parametrize("intensity", [1e-9, 1e3, 1e12])
 def test_energy_of_point_lights_too(intensity: float) -> None:
-    usual, found = pictures(with_point_light(1e6), 8), pictures(with_point_light(intensity), 8)
+    usual, found = usual_pictures_of_a_point_light(), pictures(with_point_light(intensity), 8)
     assert found.sum() / usual.sum() == pytest.approx(intensity / 1e6, rel=0.01)
     assert found[-1].sum() < 0.9 * found[0].sum(), "the path is in the unit too"
 

@@ -4,7 +4,8 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -73,6 +74,27 @@ def quick_verilog(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "lightloom.rtl.catalogue.CATALOGUE", {"float_compare": lightloom.gen.emit.CATALOGUE["float_compare"]}
     )
+
+
+@pytest.fixture
+def quickly_built(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For some hundreds of rays it does not matter how fast the simulation is, but how soon it is there.
+
+    It is the one that the other tests of the base preset have built.
+    """
+    from lightloom.sim.traversal import TraversalUnit
+
+    for module in ("lightloom.sim.traversal", "lightloom.bench.traversal"):
+        monkeypatch.setattr(f"{module}.TraversalUnit", partial(TraversalUnit, level=1))
+
+
+@pytest.fixture
+def coarse_cornell_box(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`cornell-box` with 1,100 texels instead of 31,000: where maps matter only in that there are some."""
+    from lightloom.golden_model.scene.files import load
+
+    scene = load.BUILT_IN["cornell-box"]()
+    monkeypatch.setitem(load.BUILT_IN, "cornell-box", lambda: replace(scene, texel_size=50.0))
 
 
 def files_below(folder: Path) -> set[str]:

@@ -3,7 +3,6 @@
 import json
 import re
 from dataclasses import replace
-from functools import partial
 
 import pytest
 
@@ -24,11 +23,7 @@ SMALL = Sweep(scenes=("cornell-box",), latencies=(0, 100), rays=600, identity_ra
 SAME = {name: getattr(default_sweep(False), name) for name in ("identity_rays", "box_pairs")}
 """What has no option."""
 
-
-@pytest.fixture(autouse=True)
-def quickly_built(monkeypatch: pytest.MonkeyPatch) -> None:
-    """How fast the simulation is does not matter here."""
-    monkeypatch.setattr("lightloom.bench.traversal.TraversalUnit", partial(TraversalUnit, level=1))
+pytestmark = pytest.mark.usefixtures("quickly_built")
 
 
 @pytest.mark.long

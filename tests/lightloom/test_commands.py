@@ -205,6 +205,7 @@ def rays_file(tmp_path: Path) -> Path:
     return tmp_path / "rays.npz"
 
 
+@pytest.mark.usefixtures("quickly_built")
 @pytest.mark.parametrize("any_hit", [False, True])
 def test_trace(cli: Run, tmp_path: Path, rays_file: Path, any_hit: bool) -> None:
     from lightloom.golden_model.tracing.bvh.build import build
@@ -259,7 +260,7 @@ def test_irradiance(cli: Run, tmp_path: Path, room: Path) -> None:
 # --- bench ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.usefixtures("quick_verilog")
+@pytest.mark.usefixtures("quick_verilog", "coarse_cornell_box")
 def test_bench(cli: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """It runs and has its keys; how fast is no matter of tests."""
     for module in ("lightloom.bench.tree", "lightloom.bench.frames"):

@@ -69,7 +69,7 @@ def page_of(folder: Path) -> Page:
     return page
 
 
-@pytest.mark.usefixtures("quick_verilog")
+@pytest.mark.usefixtures("quick_verilog", "coarse_cornell_box")
 def test_demo(cli: Run, tmp_path: Path) -> None:
     outcome = cli("demo", *TINY, "--out", tmp_path / "demo", "--json")
     assert outcome.code == 0, outcome
@@ -99,7 +99,7 @@ def test_demo(cli: Run, tmp_path: Path) -> None:
         assert figure in page.text
 
 
-@pytest.mark.usefixtures("quick_verilog")
+@pytest.mark.usefixtures("quick_verilog", "coarse_cornell_box")
 def test_demo_with_wrong_verilog(cli: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lightloom.sim.bulk.BulkUnit", Broken)
     outcome = cli("demo", *TINY, "--out", tmp_path / "demo")

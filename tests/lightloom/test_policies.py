@@ -201,7 +201,7 @@ def test_summary_takes_means_of_what_there_is() -> None:
 def test_the_picture_that_a_frame_is_compared_with_differs_by_the_maps_alone(tmp_path: Path) -> None:
     path = tmp_path / "glass.toml"
     path.write_text(ROOM + LAMP + GLASS)
-    renderer = Renderer(load_scene(path), width=24, height=16, budget=2000, backend="numpy")
+    renderer = Renderer(load_scene(path), width=24, height=16, budget=2000)
     for _ in range(2):
         result = renderer.frame()
         assert result.counts.fragment_rays.total > 0  # rays with random numbers of their own
@@ -213,7 +213,7 @@ def test_pixels_that_show_an_emitter_count_in_no_measure(tmp_path: Path, surface
     path = tmp_path / "lamp.toml"
     path.write_text(ROOM + ABOVE.format(surface=surface))
     scene = load_scene(path)
-    renderer = Renderer(scene, width=48, height=40, budget=2000, backend="numpy")
+    renderer = Renderer(scene, width=48, height=40, budget=2000)
     result = renderer.frame()
     counted = counted_pixels(straight_light(renderer, result), result.image)
     seen = result.gbuffer["primitive"]
@@ -332,7 +332,7 @@ def test_same_options_same_figures(cli: Run, tmp_path: Path, room: Path) -> None
     for name in ("a", "b"):
         # What is not said here the scene says.
         command = ["policies", room, "--policies", "visibility", "--key-frames", "1", "--reference-rays", 8]
-        outcome = cli(*command, "--out", tmp_path / name, "--backend", "numpy", "--json")
+        outcome = cli(*command, "--out", tmp_path / name, "--json")
         assert outcome.code == 0, outcome
         report = json.loads(outcome.out)
         assert report["baseline"] == report["full"] == "visibility"
@@ -342,7 +342,7 @@ def test_same_options_same_figures(cli: Run, tmp_path: Path, room: Path) -> None
         found.append([[row[key] for key in ("spent", "age")] for row in report["policies"][0]["frames"]])
         found[-1].append([report["policies"][0]["frames"][1]["error"]])
     assert found[0] == found[1]
-    again = cli(*report["command"].split()[1:], "--out", tmp_path / "c", "--backend", "numpy", "--json")
+    again = cli(*report["command"].split()[1:], "--out", tmp_path / "c", "--json")
     assert again.code == 0, again
     assert json.loads(again.out)["policies"][0]["summary"]["error"] == report["policies"][0]["summary"]["error"]
 
@@ -351,7 +351,7 @@ def test_a_picture_of_nothing_but_a_lamp_has_no_figures(cli: Run, tmp_path: Path
     path = tmp_path / "lamp.toml"
     path.write_text(ROOM.replace("[[quad]]", WINDOW + "[[quad]]", 1))
     command = ["policies", path, "--frames", 2, "--size", "12x8", "--budget", 500, "--reference-rays", 8]
-    outcome = cli(*command, "--policies", "visibility", "--out", tmp_path / "out", "--backend", "numpy", "--json")
+    outcome = cli(*command, "--policies", "visibility", "--out", tmp_path / "out", "--json")
     assert outcome.code == 0, outcome
     report = json.loads(outcome.out)
     row = report["policies"][0]["frames"][1]

@@ -51,6 +51,16 @@ def test_a_failure_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str], m
     assert "failed: a = 0x0: z is 0x1, should be 0x0" in out
 
 
+def test_faults_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["prove", "--mutations", "--list", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["fault"] for row in rows] == list(FAULTS)
+    assert all(row["has to be caught by"] for row in rows if not FAULTS[row["fault"]].equivalent)
+    name = rows[0]["fault"]
+    assert run(["prove", "--mutations", name, "--list", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["rows"] == rows[:1]
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

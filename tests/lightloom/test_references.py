@@ -33,7 +33,7 @@ def scene_of(folder: Path, level: float = 0.25) -> tuple[Scene, Lightmaps]:
 
 
 def reference(scene: Scene, lightmaps: Lightmaps, seed: int = 0) -> Reference:
-    return Reference(scene, lightmaps, rays=256, seed=seed, backend="numpy")
+    return Reference(scene, lightmaps, rays=256, seed=seed)
 
 
 def test_kept_maps_have_the_same_bits(tmp_path: Path) -> None:

@@ -13,6 +13,8 @@ from lightloom.hardware.tracers import Tracer, golden_tracer, rtl_tracer
 
 SEED = 61
 
+pytestmark = pytest.mark.usefixtures("quickly_built")
+
 
 @cache
 def scene(count: int) -> np.ndarray:

@@ -60,7 +60,7 @@ def test_a_picture_is_made_once(tmp_path: Path) -> None:
     scene = load_scene(room)
 
     def made(scene: Scene, samples: int) -> np.ndarray:
-        gbuffer = Renderer(scene, width=12, height=8, budget=500, backend="numpy").frame().gbuffer
+        gbuffer = Renderer(scene, width=12, height=8, budget=500).frame().gbuffer
         return true_pictures(scene_at(scene, 0), gbuffer, samples, "numpy", told.append, tmp_path / "kept")
 
     told: list[float] = []
@@ -85,7 +85,7 @@ def test_the_command(cli: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setenv("LIGHTLOOM_CACHE", str(tmp_path / "kept"))
     room = tmp_path / "room.toml"
     room.write_text(ROOM + LAMP.replace("[5, 5, 5]", emission))
-    small = ["--frames", 2, "--size", "24x16", "--budget", 900, "--reference-rays", 8, "--backend", "numpy"]
+    small = ["--frames", 2, "--size", "24x16", "--budget", 900, "--reference-rays", 8]
     command = ["policies", room, "--policies", "visibility", *small, "--true", "--true-samples"]
     outcome = cli(*command, 64, "--out", tmp_path / "out", "--json")
     assert outcome.code == 0, outcome

@@ -13,6 +13,8 @@ import pytest
 from tests import ROOT
 from tests.test_rooms import ROOMS, modules
 
+from .conftest import LAMP, ROOM
+
 ELSEWHERE = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
 """The environment without what puts this checkout before anything that is installed."""
 PACKAGED = (*ROOMS, "lightloom", "pyproject.toml", "README.md", "LICENSE")
@@ -66,7 +68,7 @@ COMMANDS = (
     "package half_to_float --preset tiny --out package",
     "prove --list queue",
     "pack cornell-box --out scene.bin",
-    "render cornell-box --frames 1 --size 24x16 --budget 2000 --backend numpy --out frames",
+    "render room.toml --frames 1 --size 24x16 --budget 2000 --backend numpy --out frames",
     "coverage --help",
 )
 
@@ -75,6 +77,7 @@ def test_commands_work_beside_folders_of_the_same_names(installed: Path, tmp_pat
     for room in ROOMS:
         (tmp_path / room).mkdir()
         (tmp_path / room / "__init__.py").write_text('raise ImportError("this is the user\'s own folder")\n')
+    (tmp_path / "room.toml").write_text(ROOM + LAMP)
     environment = {**ELSEWHERE, "PYTHONPATH": str(tmp_path)}
     for command in COMMANDS:
         line = [str(installed / "lightloom"), *command.split()]

@@ -18,7 +18,8 @@ from lightloom.golden_model.numerics.counter_rng import hash_u32
 from lightloom.golden_model.numerics.directions import COUNT, ROTATIONS, cosine_table, rotation_table, to_world
 from lightloom.golden_model.numerics.floats import flush, quiet
 from lightloom.golden_model.numerics.vectors import scale
-from lightloom.golden_model.scene.lights import NO_RIVALS, Lights, direct_candidates, met_beyond, met_emission
+from lightloom.golden_model.rays.light_samples import NO_RIVALS, direct_candidates, met_beyond, met_emission
+from lightloom.golden_model.scene.lights import Lights
 
 PI = np.float32(3.1415927)
 _INDIRECT, _SHADOW = range(2)  # what a hash is for

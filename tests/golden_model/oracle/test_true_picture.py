@@ -33,7 +33,7 @@ def test_a_floor_under_a_point_light(tmp_path: Path) -> None:
     path = tmp_path / "floor.toml"
     path.write_text("texel_size = 0.5\n" + FLOOR)
     scene = load_scene(path)
-    renderer = Renderer(scene, width=64, height=48, budget=400, backend="numpy")
+    renderer = Renderer(scene, width=64, height=48, budget=400)
     gbuffer = renderer.frame().gbuffer
     told: list[tuple[int, int]] = []
     found = true_picture(scene, gbuffer, Structure(scene, "numpy").trace, 2, 0, lambda *done: told.append(done))

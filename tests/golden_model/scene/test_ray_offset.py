@@ -15,10 +15,11 @@ from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.contract.formats import HIT, RAY, TRIANGLE
 from lightloom.golden_model.numerics.directions import cosine_table
 from lightloom.golden_model.rays.hit_surface import surface_at
+from lightloom.golden_model.rays.light_samples import direct_candidates
 from lightloom.golden_model.scene import ray_offset
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.scene.lightmap import VALID
-from lightloom.golden_model.scene.lights import direct_candidates, lights_of
+from lightloom.golden_model.scene.lights import lights_of
 from lightloom.golden_model.scene.pose import moved_records, scene_at
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.bvh.build import build

@@ -7,8 +7,9 @@ import pytest
 
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
+from lightloom.golden_model.rays.light_samples import direct_candidates
 from lightloom.golden_model.renderer import Renderer
-from lightloom.golden_model.scene.lights import direct_candidates, light_count, lights_of
+from lightloom.golden_model.scene.lights import light_count, lights_of
 from tests.golden_model.moving_scenes import scene_of
 from tests.golden_model.scene.test_scene import refusal
 

@@ -6,33 +6,38 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.maintenance.publishing.filling import Filler
-from lightloom.golden_model.numerics.floats import flush
 from lightloom.golden_model.scene.lightmap import BURIED, DOWN, RIGHT, VALID, Lightmaps, joined
 from lightloom.golden_model.scene.sides import firsts_first, sides_of
 from tests.golden_model.maintenance.publishing.test_publisher import maps_of, ragged_maps
 
 
-def pull_push(values: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Of one image (H, W, K): what the filler does, as it is written of old (Gortler et al. 1996)."""
-    height, width = known.shape
+def pull_push(values: np.ndarray, known: np.ndarray, size: int = 4) -> np.ndarray:
+    """Of one image (H, W, K) of whole numbers: what the filler does, as it is written of old (Gortler et al. 1996).
+
+    A pixel at a time, with cells of `size` across in this step and of two in those that follow.
+    """
     if known.all() or not known.any():
-        return np.where(known[..., None], values, np.float32(0))
-    rows, columns = (height + 1) // 2, (width + 1) // 2
-    total = np.zeros((rows, columns, values.shape[2]), dtype=np.float32)
-    count = np.zeros((rows, columns), dtype=np.float32)
-    for j, i in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        part = known[j::2, i::2]
-        place = slice(part.shape[0]), slice(part.shape[1])
-        count[place] += part
-        total[place] = flush(total[place] + np.where(part[..., None], values[j::2, i::2], np.float32(0)))
-    coarse = pull_push(flush(total / np.maximum(count, np.float32(1))[..., None]), count > 0)
+        return np.where(known[..., None], values, 0)
+    rows, columns = (-(-side // size) for side in known.shape)
+    coarse = np.zeros((rows, columns, values.shape[2]), dtype=np.int64)
+    some = np.zeros((rows, columns), dtype=np.bool_)
+    for j, i in np.ndindex(rows, columns):
+        cell = slice(j * size, (j + 1) * size), slice(i * size, (i + 1) * size)
+        some[j, i] = known[cell].any()
+        if some[j, i]:
+            coarse[j, i] = values[cell][known[cell]].sum(axis=0) // known[cell].sum()
+    if coarse.size > values.shape[2]:
+        coarse = pull_push(coarse, some, 2)
 
-    def doubled(image: np.ndarray, size: int) -> np.ndarray:
-        index = np.arange(size)
-        near, far = index // 2, np.clip(index // 2 + np.where(index % 2, 1, -1), 0, len(image) - 1)
-        return flush(flush(image[near] * np.float32(0.75)) + flush(image[far] * np.float32(0.25)))
+    def ends(place: int, count: int) -> list[tuple[int, int]]:
+        """The two cells that a place along an axis lies between, with their shares in eighths."""
+        eighths = (2 * place + 1) * 8 // (2 * size) - 4  # from the middle of the first cell on
+        return [(min(max(eighths // 8 + k, 0), count - 1), (8 - eighths % 8, eighths % 8)[k]) for k in (0, 1)]
 
-    smooth = doubled(doubled(coarse, height).swapaxes(0, 1), width).swapaxes(0, 1)
+    smooth = np.zeros_like(values)
+    for j, i in np.ndindex(*known.shape):
+        taps = [(y, x, a * b) for y, a in ends(j, rows) for x, b in ends(i, columns)]
+        smooth[j, i] = sum(coarse[y, x] * share for y, x, share in taps) // 64
     return np.where(known[..., None], values, smooth)
 
 
@@ -50,9 +55,12 @@ def test_a_map_of_one_side_is_filled_as_a_whole_image(size: tuple[int, int]) -> 
     for share in (0, 0.05, 0.3, 1):
         known = rng.random(width * height) < share
         values = rng.uniform(0, 9, (width * height, 3)).astype(np.float32)
+        values[rng.random(values.shape) < 0.1] = rng.choice(np.array([0, 1e-8, 3e-6, 65504, 1e9], dtype=np.float32))
         found = filler.fill(0, values, known, never)
-        wanted = pull_push(values.reshape(height, width, 3), known.reshape(height, width)).reshape(-1, 3)
-        assert (found == wanted).all(), share
+        fixed = (np.minimum(values, 65504).astype(np.float16).astype(np.float64) * 2**24).astype(np.int64)
+        wanted = pull_push(fixed.reshape(height, width, 3), known.reshape(height, width)).reshape(-1, 3)
+        wanted = (wanted / 2.0**24).astype(np.float16).astype(np.float32)
+        assert (found == np.where(known[:, None], values, wanted)).all(), share
 
 
 def test_what_is_filled_depends_on_its_own_side_alone() -> None:
