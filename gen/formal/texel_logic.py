@@ -144,6 +144,12 @@ def _running_bias(i: Operands) -> np.ndarray:
     return np.where(i["count"] > 0, mean - np.sign(mean) * parts, 0)
 
 
+def _bias_of_all(latest: Value, darker: Value, bias: Value, count: Value, heavy: Value) -> Value:
+    """What the unit does of it in two cycles."""
+    departure = texel_blend.with_sign(latest, darker)
+    return texel_blend.running_bias(texel_blend.running_departure(departure, bias, count), count, heavy)
+
+
 def _tap_at(which: int) -> Function:
     def pixel(moved: Value, size: Value) -> Value:
         """In the bits that a place of this width gives; of a size of 0 all ones."""
@@ -203,7 +209,7 @@ SUBJECTS: tuple[tuple[str, str, str, Function, dict[str, int], Callable[[Operand
     ),
     (
         *("texel_blend", "running-bias", "every departure after every bias, with counts of all weights"),
-        texel_blend.running_bias,
+        _bias_of_all,
         {"latest": BIAS - 1, "darker": 1, "bias": BIAS, "count": 8, "heavy": 1},
         *(_running_bias, COUNTS),
     ),

@@ -60,7 +60,8 @@ class TexelBlend(DataflowCore):
 
         spread = _spread(flow, f, sums, squares, rays)
         alpha = _alpha(flow, f, count, heavy, alpha_min, alpha_heavy)
-        latest, darker = _departure(flow, f, irradiance, sample)
+        latest, departure = _departure(flow, f, irradiance, sample)
+        departures = flow.logic("departures", running_departure, departure, bias, whole, stage=True)
         moved = []
         for k, (old, new) in enumerate(zip(irradiance, sample, strict=True)):
             step = f.multiply(f"step{k}", f.subtract(f"change{k}", new, old), alpha)
@@ -76,7 +77,7 @@ class TexelBlend(DataflowCore):
                 "noticed_out", noticed, latest, deviation, count, notice_factor, notice_floor, notice_count
             ),
             "deviation": flow.logic("deviation_out", running_deviation, latest, deviation, whole),
-            "bias": flow.logic("bias_out", running_bias, latest, darker, bias, whole, heavy),
+            "bias": flow.logic("bias_out", running_bias, departures, whole, heavy),
             "spread": spread,
         }
 
@@ -90,13 +91,17 @@ def _alpha(flow: Dataflow, f: FloatFlow, count: Node, heavy: Node, alpha_min: No
 
 
 def _departure(flow: Dataflow, f: FloatFlow, old: list[Node], sample: list[Node]) -> tuple[Node, Node]:
-    """Of the sample from the average, over the average: how far, and whether to the darker side."""
+    """Of the sample from the average, over the average: how far, and the same with its sign."""
     before, after = f.dot("before", old, WEIGHTS), f.dot("after", sample, WEIGHTS)
     difference = f.subtract("difference", after, before)
     distance = f.absolute("distance", difference)
     fixed = f.to_fixed("latest", f.divide("relative", distance, before), RELATIVE_BITS)
     darker = flow.logic("darker", lambda difference: difference[-1], difference)
-    return flow.logic("latest_kept", kept, fixed), darker
+    # Registers behind both: what follows adds up several times.
+    return (
+        flow.logic("latest_kept", kept, fixed, stage=True),
+        flow.logic("departure", lambda fixed, darker: with_sign(kept(fixed), darker), fixed, darker, stage=True),
+    )
 
 
 def _spread(flow: Dataflow, f: FloatFlow, sums: list[Node], squares: list[Node], rays: list[Node]) -> Node:
@@ -147,13 +152,22 @@ def running_deviation(latest: Value, usual: Value, count: Value) -> Value:
     return Mux(count.any(), moved_mean(latest, usual, count), 0)[:RELATIVE_WIDTH]
 
 
-def running_bias(latest: Value, darker: Value, bias: Value, count: Value, heavy: Value) -> Value:
-    """The mean of `count` departures after one more, less what the average takes of it: 1/2, 1/4, 1/8 or none."""
-    mean = moved_mean(Mux(darker, -latest, latest), bias.as_signed(), count)[: len(bias)].as_signed()
+def with_sign(latest: Value, darker: Value) -> Value:
+    """How far a sample departs, below 0 to the darker side."""
+    return Mux(darker, -latest, latest)
+
+
+def running_departure(departure: Value, bias: Value, count: Value) -> Value:
+    """The mean of `count` departures, the bias, after one more."""
+    return moved_mean(departure, bias.as_signed(), count)[: len(bias)].as_signed()
+
+
+def running_bias(mean: Value, count: Value, heavy: Value) -> Value:
+    """A mean of `count` departures less what the average takes of it: 1/2, 1/4, 1/8 or none."""
     magnitude = magnitude_of(mean)
     settling = by_weight(count, magnitude >> 1, magnitude >> 2, magnitude >> 3, 0)
     left = magnitude - Mux(heavy.any(), magnitude >> 1, settling)
-    return Mux(count.any(), Mux(mean[-1], -left, left), 0)[: len(bias)]
+    return Mux(count.any(), Mux(mean[-1], -left, left), 0)[: len(mean)]
 
 
 def moved_mean(latest: Value, mean: Value, count: Value) -> Value:
