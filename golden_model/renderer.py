@@ -141,11 +141,15 @@ class Renderer:
         backend: str = "auto",
         threads: int = 1,
         recorder: TestRecorder | None = None,
+        like: "Renderer | None" = None,
     ):
         """`budget` is the number of rays a frame; `lightmaps` default to `unwrap(scene)`; backend as for `trace`.
 
         The maps have no earlier version that the first frame could read, so it is made here: in up to
         `Sampling.priming` rounds, each within the budget of a frame. `priming` 0 starts with black maps.
+
+        What `like` found in these rounds is taken over, with the same bits: a renderer that has drawn no frame yet, of
+        the same scene, lightmaps, budget, seed and sampling, in which texels take their turns in the same order.
 
         With `hold` the budget follows the load, so that `machine` keeps a frame time ([0010]); `budget` is the first.
 
@@ -194,7 +198,8 @@ class Renderer:
         """What was too bright for the formats then, as `Maintenance.clipped`."""
         self._latest: _Drawn | None = None
         """The last frame; None before the first."""
-        self.chain = self._prime(first)
+        published = self._prime(first) if like is None else self._primed_like(like)
+        self.chain = self._begun(published)
 
     @property
     def state(self) -> np.ndarray:
@@ -206,8 +211,8 @@ class Renderer:
         """The newest version of the maps, PUBLISHED_TEXEL (texels of all levels,), in units of 2**`exponent`."""
         return self.chain.read(self.chain.newest)
 
-    def _prime(self, scene: Scene) -> FlipChain:
-        """Makes the version that the first frames read.
+    def _prime(self, scene: Scene) -> np.ndarray:
+        """Samples what the first frames read: PUBLISHED_TEXEL (texels of all levels,).
 
         First the texels that one frame's budget pays for, a coarse lattice over all maps, are sampled over and over,
         each time anew from what the round before has published: one more bounce of light a round, until what is missing
@@ -237,6 +242,18 @@ class Renderer:
                 sweeps.append(brightness_of(self.state["irradiance"][valid], self.fraction))
                 if at_rest(sweeps, len(valid)):
                     break
+        return published
+
+    def _primed_like(self, other: "Renderer") -> np.ndarray:
+        """As `_prime`, taken from another renderer."""
+        if other.next_frame or not np.array_equal(other.maintainer.selector.order, self.maintainer.selector.order):
+            raise ValueError("like: has drawn frames, or its texels take their turns in another order")
+        self.state[:] = other.state
+        self.priming_rays, self.priming_clipped = other.priming_rays, other.priming_clipped
+        return self.publisher.everything(self.state)
+
+    def _begun(self, published: np.ndarray) -> FlipChain:
+        """The versions that are there before the first frame: all of them `published`."""
         chain = FlipChain(published, self.pipeline.versions)
         nothing = np.zeros(0, dtype=np.int64)
         for version in range(1, self.pipeline.versions - 1):

@@ -1,6 +1,6 @@
 """Policies side by side: the same scene, seed and budget under each, against converged lightmaps of the same frames."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -45,9 +45,9 @@ def compare(
     """
     rest = resting_frame(scene, options.frames) if options.true_samples else None
     with progress.stage("First light", len(options.policies)) as advance:
-        renderers = {}
+        renderers: dict[str, Renderer] = {}
         for name in options.policies:
-            renderers[name] = _renderer(scene, lightmaps, options, POLICIES[name])
+            renderers[name] = _renderer(scene, lightmaps, options, POLICIES[name], renderers.values())
             advance(1)
     judge = Judge(scene, lightmaps, options, folder, references)
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in options.policies}
@@ -130,7 +130,10 @@ def _true(
     return found
 
 
-def _renderer(scene: Scene, lightmaps: Lightmaps, options: Comparison, policy: Policy) -> Renderer:
+def _renderer(
+    scene: Scene, lightmaps: Lightmaps, options: Comparison, policy: Policy, others: Iterable[Renderer]
+) -> Renderer:
+    """One that begins with what one of the others has found, where that is what it would find itself."""
     return Renderer(
         scene,
         width=options.width,
@@ -142,6 +145,7 @@ def _renderer(scene: Scene, lightmaps: Lightmaps, options: Comparison, policy: P
         lightmaps=lightmaps,
         backend=options.backend,
         threads=options.threads,
+        like=next((other for other in others if other.policy.together == policy.together), None),
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.selection.policy import POLICIES
@@ -21,6 +22,7 @@ from lightloom.golden_model.scene.lightmap import VALID, bilinear, lightmap_coor
 from lightloom.golden_model.scene.parts import Part
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.bvh.build import build
+from lightloom.golden_model.tracing.bvh.structure import Structure
 from lightloom.golden_model.tracing.bvh.traversal import trace
 
 COARSE = replace(cornell_box(), texel_size=50.0)
@@ -115,6 +117,25 @@ def test_first_frame_shows_the_whole_room(priming: int, least: float, most: floa
         renderer.frame()
     # One more bounce a round: the first maps are as bright as the converged ones, but for what the lattice missed.
     assert first == pytest.approx(readable(renderer.published)[: len(valid)][valid].mean(), rel=off)
+
+
+def test_first_light_that_another_renderer_found_is_taken_over() -> None:
+    """All policies of the same order of turns begin alike."""
+    several = dict(budget=4000, lightmaps=unwrap(COARSE, trace=Structure(COARSE).trace), **SIZE)
+    first = Renderer(COARSE, policy=POLICIES["visibility"], **several)
+    alone = Renderer(COARSE, policy=POLICIES["influence"], **several)
+    taken = Renderer(COARSE, policy=POLICIES["influence"], like=first, **several)
+    assert taken.priming_rays == alone.priming_rays > 0
+    for _ in range(2):
+        one, two = alone.frame(), taken.frame()
+        assert one.image.tobytes() == two.image.tobytes()
+        assert one.lightmap.tobytes() == two.lightmap.tobytes()
+        assert alone.state.tobytes() == taken.state.tobytes()
+    with pytest.raises(ValueError, match="has drawn frames"):
+        Renderer(COARSE, policy=POLICIES["influence"], like=alone, **several)
+    apart = replace(POLICIES["influence"], together=1 + POLICIES["influence"].together % 2)
+    with pytest.raises(ValueError, match="another order"):
+        Renderer(COARSE, policy=apart, like=first, **several)
 
 
 def test_camera_follows_its_path() -> None:
