@@ -41,6 +41,7 @@ class Bench:
         self.m.d.comb += [Assume(self._domain.rst | ~first), self.settled.eq(~first & ~self._domain.rst)]
         self._narrow = self.constant(NARROW)
         self.narrow(first | ~self._domain.rst)
+        self._named: dict[int, tuple[Fragment, dict[str, list[Signal]]]] = {}
         self._fragment = None
         if component is not None:
             self._fragment = self.add("dut", component)
@@ -112,16 +113,9 @@ class Bench:
         """A signal inside the component, or inside one that was put `beside` it, such as "fifo/level": names of
         submodules, then the signal's."""
         *modules, name = path.split("/")
-        fragment = self._inside(modules, beside)
-        found = {
-            id(signal): signal
-            for statements in fragment.statements.values()
-            for statement in statements
-            for signal in [*statement._lhs_signals(), *statement._rhs_signals()]
-            if signal.name == name
-        }
+        found = self._signals(self._inside(modules, beside)).get(name, [])
         assert len(found) == 1, f"{path}: {len(found)} signals of this name"
-        return next(iter(found.values()))
+        return found[0]
 
     def depth(self, path: str) -> int:
         """Words of a memory inside the component."""
@@ -147,6 +141,21 @@ class Bench:
         for module in modules:
             fragment = fragment.find_subfragment(module)
         return fragment
+
+    def _signals(self, fragment: Fragment) -> dict[str, list[Signal]]:
+        """The signals in the statements of a fragment, by name. Properties ask for hundreds of them."""
+        if id(fragment) not in self._named:
+            signals = {
+                id(signal): signal
+                for statements in fragment.statements.values()
+                for statement in statements
+                for signal in [*statement._lhs_signals(), *statement._rhs_signals()]
+            }
+            named: dict[str, list[Signal]] = {}
+            for signal in signals.values():
+                named.setdefault(signal.name, []).append(signal)
+            self._named[id(fragment)] = fragment, named  # kept, so that no other gets its number
+        return self._named[id(fragment)][1]
 
     # --- out ----------------------------------------------------------------------------------------------------------
 
