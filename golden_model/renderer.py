@@ -9,20 +9,21 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from lightloom.golden_model.charts.unwrap import unwrap
-from lightloom.golden_model.frame.compositor import blend_frame, show_beyond
+from lightloom.golden_model.frame.compositor import MODES, blend_frame, show_beyond
 from lightloom.golden_model.frame.frame_rays import FrameRayFigures, FrameRays, FrameShading
 from lightloom.golden_model.frame.rasterizer import Mesh, RasterFigures, Rasterization, draw
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.parameters import check, choice, number
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.machine.budget_controller import BudgetController, BudgetPolicy, measure
 from lightloom.golden_model.machine.cost_model import FrameCounts, Machine, RayCounts
 from lightloom.golden_model.maintenance.maintainer import Maintainer, Maintenance
-from lightloom.golden_model.maintenance.publishing.flip_chain import FlipChain
+from lightloom.golden_model.maintenance.publishing.flip_chain import LONGEST, FlipChain
 from lightloom.golden_model.maintenance.publishing.publisher import Publisher
 from lightloom.golden_model.maintenance.publishing.smoothing import Smoother
 from lightloom.golden_model.maintenance.sampling.accumulate import (
@@ -70,18 +71,16 @@ class Pipeline:
     """Whether pixels and rays read the maps smoothed by as much as each texel is uncertain; their averages are not."""
     packing: Packing = field(default_factory=Packing)
     """How the collector groups rays."""
-    blend: str = "both"
-    """One of `compositor.MODES`."""
-    versions: int = 2
-    """Length of the flip chain, 1 to 8. What frame k's rays find is shown in frame k + versions - 1: 1 samples before
+    blend: str = choice("both", MODES, "Which parts of a picture the blender adds up.")
+    versions: int = number(2, 1, LONGEST, "Length of the flip chain.")
+    """What frame k's rays find is shown in frame k + versions - 1: 1 samples before
     the frame is shaded ([0085]), 2 beside it, and each further one leaves a frame more time for it."""
-    selects_by: Literal["this", "before"] = "this"
-    """The frame whose view and G-buffer selection looks at, as `Machine.early_selection` of the schedule. By the one
+    selects_by: str = choice("this", ("this", "before"), "Frame whose view and G-buffer selection looks at.")
+    """As `Machine.early_selection` of the schedule. By the one
     before it waits for no rasterizer ([0052]), and misses what comes into sight with this one."""
 
     def __post_init__(self) -> None:
-        if self.selects_by not in ("this", "before"):
-            raise InputError(f"selects by {self.selects_by}: must be this or before")
+        check(self, "pipeline")
 
 
 @dataclass(frozen=True)

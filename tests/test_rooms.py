@@ -18,7 +18,7 @@ from lightloom.golden_model.contract.interfaces import OPERATORS, PURE, UNITS
 from lightloom.golden_model.models import MODELS
 from lightloom.golden_model.numerics import floats
 from lightloom.rtl.catalogue import CATALOGUE
-from lightloom.rtl.config import PRESETS
+from lightloom.rtl.config import PLACES, PRESETS
 from lightloom.rtl.fabric.pipeline import StreamUnit
 from tests import ROOT
 
@@ -85,7 +85,17 @@ def own_imports(path: Path) -> frozenset[str]:
             assert node.level == 0, f"{path}: a relative import"
             whole = {f"{node.module}.{alias.name}" for alias in node.names}
             names |= {name if name in modules() else str(node.module) for name in whole}
+        else:
+            names |= asked_for(node)
     return frozenset(name for name in names if name in modules())
+
+
+def asked_for(node: ast.AST) -> set[str]:
+    """The modules that a call of `import_module` or `__import__` asks for by a name that is written there."""
+    if not isinstance(node, ast.Call) or ast.unparse(node.func).split(".")[-1] not in ("import_module", "__import__"):
+        return set()
+    given = [*node.args[:1], *(one.value for one in node.keywords if one.arg == "name")]
+    return {one.value for one in given if isinstance(one, ast.Constant) and isinstance(one.value, str)}
 
 
 def arrows(inside: str, child: Callable[[str], str | None]) -> dict[str, set[str]]:
@@ -166,8 +176,8 @@ def roots(path: Path) -> set[str]:
             found |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             found.add(str(node.module).split(".")[0])
-        elif isinstance(node, ast.Call) and "import_module" in ast.unparse(node.func):
-            found |= {str(ast.literal_eval(one)).split(".")[0] for one in node.args if isinstance(one, ast.Constant)}
+        else:
+            found |= {name.split(".")[0] for name in asked_for(node)}
     return found
 
 
@@ -221,7 +231,10 @@ def test_every_unit_has_its_name_in_every_room() -> None:
             assert hardware.endswith(f".operators.{unit}")
             assert hasattr(floats, unit)
         elif unit in PURE:  # a file may have two units of one function
+            assert unit.startswith(hardware.rpartition(".")[2])
             assert list(found("golden_model", hardware.rpartition(".")[2]))
+        known = {place for block, field in PLACES.values() for place in (block, f"{block}.{field}")}
+        assert set(UNITS[unit].config) <= known
 
 
 # To name such a unit is for tables of what units have of their own, for what is one unit's (its file says so by its
@@ -264,7 +277,9 @@ def test_every_signal_has_a_line_of_its_own() -> None:
 
 # Results that depend on the host's processor or libraries have no place in the model's arithmetic.
 HOST_DEPENDENT = re.compile(
-    r"np\.(dot|matmul|einsum|inner|vdot|tensordot|sin|cos|tan|exp|exp2|log|log2|log10|power)\(|fastmath=True| @ "
+    r"np\.(dot|matmul|einsum|inner|vdot|tensordot|a?sinh?|a?cosh?|a?tanh?|arc\w+|hypot|cbrt|exp2?|expm1|log\d*|log1p"
+    r"|power|float_power)\(|np\.linalg\.|math\.(a?sinh?|a?cosh?|a?tanh?|atan2|exp2?|expm1|log\w*|pow|cbrt|hypot)\("
+    r"|\.dot\(|fastmath=True| @ "
 )
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -12,16 +13,27 @@ from lightloom.gen.emit import emit
 from lightloom.gen.manifest import PACKAGES
 from lightloom.gen.package.files import constraints, ipxact, librelane, render, to_json, verilog_files
 from lightloom.gen.package.formats import context
+from lightloom.gen.package.memory import Case
 from lightloom.gen.package.register_bench import register_bench
 from lightloom.gen.package.registers import register_files
 from lightloom.gen.package.stream_bench import stream_bench
-from lightloom.gen.package.traversal_bench import traversal_bench
+from lightloom.gen.package.traversal_bench import scene, traversal_bench
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.outputs import whole_folder
 from lightloom.rtl.config import Config
 
-OWN_BENCHES: Mapping[str, Callable[[dict[str, Any], Config], dict[str, bytes]]] = {"traversal": traversal_bench}
-"""Testbenches of units that need more than operands: manifest and configuration to files."""
+
+@dataclass(frozen=True)
+class OwnBench:
+    """What units get that need more than operands."""
+
+    testbench: Callable[[dict[str, Any], Config], dict[str, bytes]]
+    """Manifest and configuration to files."""
+    case: Callable[[Config], Case]
+    """For the testbench of the unit behind a bus."""
+
+
+OWN_BENCHES: Mapping[str, OwnBench] = {"traversal": OwnBench(traversal_bench, scene)}
 SHORTEST, LONGEST = 0.01, 10_000.0
 """A clock's period in ns that is plausible."""
 
@@ -82,9 +94,12 @@ def _unit_files(
         f"flow/openroad/{module}/constraint.sdc": sdc,
     }
     if "registers" in unit:
-        bench = register_bench(unit, config, None if name in OWN_BENCHES else operands(name))
+        own = OWN_BENCHES.get(name)
+        bench = register_bench(unit, config, own.case(config) if own else operands(name))
+    elif name in OWN_BENCHES:
+        bench = OWN_BENCHES[name].testbench(unit, config)
     else:
-        bench = OWN_BENCHES[name](unit, config) if name in OWN_BENCHES else stream_bench(unit, config, operands(name))
+        bench = stream_bench(unit, config, operands(name))
     files = {path: text.encode() for path, text in texts.items()}
     files |= {f"registers/{path}": content for path, content in register_files(unit, version("lightloom")).items()}
     return files | {f"testbench/{file}": content for file, content in bench.items()}

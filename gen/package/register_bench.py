@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 
 from lightloom.gen.package.files import render
-from lightloom.gen.package.memory import memory_port
+from lightloom.gen.package.memory import Case, memory_port
 from lightloom.gen.package.stream_bench import shared, vectors
-from lightloom.gen.package.traversal_bench import scene
 from lightloom.golden_model.models import model_results
 from lightloom.rtl.config import Config
 
@@ -16,20 +15,19 @@ MOST = 200
 """Operations: each takes some hundred cycles."""
 
 
-def register_bench(unit: Mapping[str, Any], config: Config, operands: np.ndarray | None) -> dict[str, bytes]:
+def register_bench(unit: Mapping[str, Any], config: Config, asked: np.ndarray | Case) -> dict[str, bytes]:
     """Testbench and vectors of a unit behind AXI4-Lite, and its memory image where it has a memory: name to content.
 
-    `unit` is its manifest, `operands` (N,) are of its input's dtype; None: it is a traversal unit, which gets a scene.
+    `unit` is its manifest; `asked` are operands (N,) of its input's dtype, of a unit with a memory its case.
     """
     module, files = unit["module"], {}
     more: dict[str, Any] = {"memory": None}
-    if operands is None:
-        traced = scene(config)
-        operands, results = traced.queries, traced.results
-        files[f"{module}.bin"] = traced.image
-        more = {"memory": memory_port(unit), "base": traced.base, "memory_bits": traced.memory_bits}
+    if isinstance(asked, Case):
+        operands, results = asked.operands, asked.results
+        files[f"{module}.bin"] = asked.image
+        more = {"memory": memory_port(unit), "base": asked.base, "memory_bits": asked.memory_bits}
     else:
-        operands = operands[:MOST]
+        operands = asked[:MOST]
         results = model_results(unit["unit"], operands, config.flat())
     last = unit["registers"][-1]
     bench = render(

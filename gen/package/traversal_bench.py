@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from lightloom.gen.package.files import render
-from lightloom.gen.package.memory import memory_port
+from lightloom.gen.package.memory import Case, memory_port
 from lightloom.gen.package.stream_bench import SEED, shared, vectors
 from lightloom.golden_model.contract.formats import BLOCK_BYTES, SECTION, TRIANGLE
 from lightloom.golden_model.stimuli.ray_families import adversarial_rays
@@ -21,20 +21,10 @@ TRIANGLES, RAYS = 100, 96
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Scene:
+class Scene(Case):
     """Rays through a tree in a memory image, and what the golden model says of them."""
 
-    queries: np.ndarray
-    results: np.ndarray
     counts: np.ndarray
-    image: bytes
-    base: int
-    """Byte address of the tree in the image."""
-
-    @property
-    def memory_bits(self) -> int:
-        """The memory has 2**memory_bits bytes, at least."""
-        return max(len(self.image) - 1, 1 << 12).bit_length()
 
 
 def scene(config: Config) -> Scene:
@@ -51,7 +41,7 @@ def scene(config: Config) -> Scene:
     results, counts = trace_tree(tree, queries, width=config.tree.width, stack=config.traversal.stack, backend="numpy")
     image = pack_image({"bvh": tree})
     first = int(np.frombuffer(image, dtype=SECTION, count=1, offset=BLOCK_BYTES)["first"][0])
-    return Scene(queries=queries, results=results, counts=counts, image=image, base=first * BLOCK_BYTES)
+    return Scene(operands=queries, results=results, counts=counts, image=image, base=first * BLOCK_BYTES)
 
 
 def traversal_bench(unit: Mapping[str, Any], config: Config) -> dict[str, bytes]:
@@ -60,7 +50,7 @@ def traversal_bench(unit: Mapping[str, Any], config: Config) -> dict[str, bytes]
     ports = {port["name"]: port["width"] for port in unit["ports"]}
     bench = render(
         "package_traversal_testbench.v",
-        **shared(unit, traced.queries, traced.results),
+        **shared(unit, traced.operands, traced.results),
         widths=ports,
         counters=[port["name"].removeprefix("count_") for port in unit["ports"] if port["role"] == "counter"],
         memory=memory_port(unit),
@@ -72,7 +62,7 @@ def traversal_bench(unit: Mapping[str, Any], config: Config) -> dict[str, bytes]
     )
     return {
         f"{module}_tb.v": bench.encode(),
-        f"{module}.hex": vectors(traced.queries, traced.results),
+        f"{module}.hex": vectors(traced.operands, traced.results),
         f"{module}.bin": traced.image,
     }
 

@@ -16,11 +16,9 @@ import numpy as np
 from lightloom.golden_model.charts.planar import GAP, ObjectCharts, pack, planar_charts
 from lightloom.golden_model.charts.unwrap_process import Unwrapper
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.fingerprint import fingerprint
 from lightloom.golden_model.host.outputs import whole_file
 from lightloom.golden_model.scene.flat_pieces import planar_pieces
-
-VERSION = 1
-"""Part of the key on disk; rises when this file makes other charts of the same mesh."""
 
 FEWEST_TRIANGLES = 512
 """A piece of a mesh with no more triangles is not cut again where xatlas fails on it: it gets a chart a flat piece."""
@@ -49,7 +47,8 @@ def mesh_charts(
     Raises KilledError where its process is killed from outside; then nothing is kept.
     """
     points, faces = _indexed(corners)
-    settings = repr((VERSION, GAP, importlib.metadata.version("xatlas"), texel_size, faces.shape, points.shape))
+    made_by = fingerprint(__name__), importlib.metadata.version("xatlas")
+    settings = repr((*made_by, texel_size, faces.shape, points.shape))
     key = hashlib.sha256(settings.encode() + points.tobytes() + faces.tobytes()).hexdigest()
     kept = cache / "charts" / f"{key}.npz" if cache is not None else None
     if kept is not None:

@@ -64,7 +64,10 @@ class Parameter:
             if type(value) is not type(self.default) or value not in self.values:
                 raise InputError(f"{called} {value!r}: must be {self.allowed}")
         elif self.range is not None:
-            for one in value if isinstance(value, tuple) else (value,):
+            several = isinstance(self.default, tuple)
+            if several and not (isinstance(value, tuple) and value):
+                raise InputError(f"{called} {value!r}: must be several numbers, each {self.allowed}")
+            for one in value if several else (value,):
                 self._check_number(one, f"{called} {value}")
         elif self.choices is not None:
             if value not in self.choices:

@@ -1,4 +1,8 @@
-"""Vectors of three float32 (last axis 3) under the numeric contract: every operation rounds once and is flushed."""
+"""Vectors of three float32 (last axis 3): every operation rounds once and is flushed.
+
+Under the numeric contract for operands that are flushed already, up to the payload of a NaN (`floats.flush`). What
+takes operands as they come, as the model of a unit does, calls `floats.float_add` and its like.
+"""
 
 from collections.abc import Sequence
 

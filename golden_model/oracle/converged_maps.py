@@ -41,6 +41,12 @@ BATCH = 4096
 """Texels sampled at a time: bounds the memory."""
 
 
+def require_rays(rays: int, called: str) -> None:
+    """Raises InputError for a number of rays that a reference cannot have; `called` is what the user knows it by."""
+    if rays < 1 or rays & (rays - 1) or not ROUNDS <= rays <= ROUNDS * 4096:
+        raise InputError(f"{called} {rays}: must be a power of two, {ROUNDS} to {ROUNDS * 4096}")
+
+
 class Reference:
     """Converged maps, frame by frame."""
 
@@ -59,8 +65,7 @@ class Reference:
         Half as many light samples are taken. A frame that differs in nothing but the camera from the one that was asked
         for before it is served by the same maps. Raises InputError for another number of rays.
         """
-        if rays & (rays - 1) or not ROUNDS <= rays <= ROUNDS * 4096:
-            raise InputError(f"reference rays {rays}: must be a power of two, {ROUNDS} to {ROUNDS * 4096}")
+        require_rays(rays, "reference rays")
         scene = in_unit(scene, light_exponent(scene))
         self.scene, self.lightmaps, self.seed = scene, lightmaps, seed
         directions = rays // ROUNDS

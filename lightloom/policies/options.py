@@ -8,6 +8,7 @@ import numpy as np
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.selection.policy import POLICIES
+from lightloom.golden_model.oracle.converged_maps import require_rays
 
 BASELINE = "round-robin"
 """What the others are compared with, where it takes part; else the first one."""
@@ -52,6 +53,7 @@ class Comparison:
         for name, value in (("frames", self.frames), ("reference-every", self.reference_every)):
             if value < 1:
                 raise InputError(f"--{name} {value}: must be at least 1")
+        require_rays(self.reference_rays, "--reference-rays")
         if self.true_samples < 0 or self.true_samples % 2:
             raise InputError(f"--true-samples {self.true_samples}: must be even, half for each of two pictures")
         if any(not 0 <= frame < self.frames for frame in self.key_frames):

@@ -393,6 +393,6 @@ def test_bad_input(cli: Run, tmp_path: Path, room: Path) -> None:
     cli("policies", room, "--reference-every", 0, *out).refused("--reference-every")
     cli("policies", room, "--key-frames", "3,x", *out).refused("--key-frames 3,x")
     cli("policies", room, "--frames", 4, "--key-frames", "4", *out).refused("--key-frames 4", "0 to 3")
-    cli("policies", room, "--reference-rays", 100, *out).refused("reference rays 100")
+    cli("policies", room, "--reference-rays", 100, *out).refused("--reference-rays 100")
     cli("policies", room, "--budget", 3, *out).refused("--budget 3")
     assert not (tmp_path / "out").exists()

@@ -45,8 +45,8 @@ def traced() -> Scene:
 def run(program: Path, traced: Scene, folder: Path, *, base: int, seed: int) -> subprocess.CompletedProcess[str]:
     """Runs the compiled program on the scene's rays; its results are in `folder`."""
     (folder / "image.bin").write_bytes(traced.image)
-    bitpack.pack(traced.queries).tofile(folder / "queries.bin")
-    arguments = ["image.bin", str(base), "queries.bin", "results.bin", str(len(traced.queries)), str(seed)]
+    bitpack.pack(traced.operands).tofile(folder / "queries.bin")
+    arguments = ["image.bin", str(base), "queries.bin", "results.bin", str(len(traced.operands)), str(seed)]
     return subprocess.run([program, *arguments], cwd=folder, capture_output=True, text=True)
 
 
@@ -85,9 +85,9 @@ def check_rays(program: Path, traced: Scene, tmp_path: Path, seed: int) -> None:
     packed = np.fromfile(tmp_path / "results.bin", dtype=np.uint32).reshape(-1, bitpack.words(RAY_RESULT))
     results = bitpack.unpack(packed, RAY_RESULT)
     wrong = np.flatnonzero(~bitpack.equal(results, traced.results))
-    assert len(results) == len(traced.queries) > 50
+    assert len(results) == len(traced.operands) > 50
     assert not len(wrong), (
-        f"seed {seed}: ray {wrong[0]}, {traced.queries[wrong[0]]}: {results[wrong[0]]}, not {traced.results[wrong[0]]}"
+        f"seed {seed}: ray {wrong[0]}, {traced.operands[wrong[0]]}: {results[wrong[0]]}, not {traced.results[wrong[0]]}"
     )
     assert 0 < (traced.results["primitive"] >= 0).sum() < len(results)  # hits and misses
     figures = dict(line.split() for line in done.stdout.splitlines())
@@ -108,8 +108,8 @@ def test_a_tree_that_is_none_is_refused(headers: Path, traced: Scene, tmp_path: 
 def test_an_abort_forgets_what_waits_in_registers(headers: Path, traced: Scene, tmp_path: Path, seed: int) -> None:
     program = compiled(ABORTS, "traversal", SMALL, includes=[headers])
     (tmp_path / "image.bin").write_bytes(traced.image)
-    bitpack.pack(traced.queries).tofile(tmp_path / "queries.bin")
-    arguments = ["image.bin", str(traced.base), "queries.bin", str(len(traced.queries)), str(seed)]
+    bitpack.pack(traced.operands).tofile(tmp_path / "queries.bin")
+    arguments = ["image.bin", str(traced.base), "queries.bin", str(len(traced.operands)), str(seed)]
     done = subprocess.run([program, *arguments], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, f"seed {seed}: {done.stderr}"
     first = traced.results[:1]

@@ -95,7 +95,7 @@ def _damaged(path: Path, reason: str) -> InputError:
 def _header(path: Path, data: bytes) -> tuple[str, list[_Element], list[str], int]:
     """Byte order ("" for text), elements, comments, and where the data begin."""
     first = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
-    end = re.search(rb"end_header[ \t]*" + first[1], data) if first else None
+    end = re.search(rb"(?<=[\r\n])end_header[ \t]*" + first[1], data) if first else None
     if end is None:
         raise _damaged(path, "no header")
     elements: list[_Element] = []
@@ -274,6 +274,8 @@ def _length(found: np.ndarray) -> int:
 
 def _part(path: Path, remarks: Remarks, vertex: _Values, face: _Values) -> Part | None:
     faces = face.get("vertex_indices", face.get("vertex_index"))
+    if faces is not None and not isinstance(faces, _Lists):
+        raise _damaged(path, "the vertices of its faces are no lists")
     if faces is None or not len(faces.sizes):
         return None
     points = _columns(vertex, ("x", "y", "z"))

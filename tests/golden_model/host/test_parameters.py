@@ -29,6 +29,21 @@ class Example:
         check(self, "example")
 
 
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"count": ()}, "example count \\(\\): must be 0 to 8"),
+        ({"count": (1, 2)}, "must be 0 to 8"),
+        ({"share": (0.5,)}, "must be 0.0 to 1.0"),
+        ({"bins": ()}, "example bins \\(\\): must be several numbers, each 1 to 4"),
+        ({"bins": 3}, "must be several numbers, each 1 to 4"),
+    ],
+)
+def test_one_number_is_not_several(wrong: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        Example(**wrong)
+
+
 def test_parameters_are_listed_in_order_and_said_in_words() -> None:
     assert [(each.name, each.default, each.allowed, each.says) for each in parameters(Example).values()] == [
         ("count", 2, "0 to 8", "Things."),

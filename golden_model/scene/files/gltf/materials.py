@@ -44,8 +44,8 @@ def _leave_out(remarks: Remarks, material: Any, surface: Any, glow: np.ndarray) 
         remarks.leave_out("metallicFactor")
     if material.alphaMode not in (None, "OPAQUE"):
         remarks.leave_out(f"alphaMode {material.alphaMode}")
-    if material.doubleSided and glow.any():
-        remarks.leave_out("doubleSided of what shines")
+    if material.doubleSided:
+        remarks.leave_out("doubleSided of what shines" if glow.any() else "doubleSided")
     for extension in material.extensions or {}:
         if extension != STRENGTH:
             remarks.leave_out(extension)

@@ -13,12 +13,13 @@ from lightloom.golden_model.scene.coarse_geometry import decimated
 from lightloom.golden_model.scene.files.cornell_box import BLOCKS, PART_NAMES, ROOM, cornell_box_parts
 from lightloom.golden_model.scene.files.mesh_files import load_mesh
 from lightloom.golden_model.scene.files.named_files import lack
+from lightloom.golden_model.scene.files.polygons import triangulated
 from lightloom.golden_model.scene.files.texture_files import BUILTIN, checker, load_texture
 from lightloom.golden_model.scene.files.toml.paths import PATH, object_path
 from lightloom.golden_model.scene.files.toml.tables import Table
 from lightloom.golden_model.scene.mesh import check_part, with_area
 from lightloom.golden_model.scene.parts import DEFAULT_ALBEDO, DEFAULT_IOR, DIFFUSE, GLASS, MIRROR, Part
-from lightloom.golden_model.scene.shapes import box, icosphere, quad_coordinates, quad_triangles
+from lightloom.golden_model.scene.shapes import QUAD_UV, box, icosphere, quad_coordinates
 
 GROUPS = {"cornell-box": PART_NAMES, "cornell-room": list(ROOM), "cornell-blocks": list(BLOCKS)}
 """Built-in parts by the names that `builtin` takes."""
@@ -74,8 +75,11 @@ class Objects:
             ]
         )
         middle = ((points[0] + points[1]) + (points[2] + points[3])) / 4
-        part = _plain("quad", quad_triangles(points[None]), quad_coordinates(1))
-        return self._finished(table, part, middle)
+        cut = triangulated(points, np.arange(4), np.array([4]))
+        if len(cut.crossing):
+            raise InputError(f"{table.where}: `corners` go across each other; give them in turn, counter-clockwise")
+        coordinates = np.array(QUAD_UV, dtype=np.float32)[cut.corner]
+        return self._finished(table, _plain("quad", points[cut.corner], coordinates), middle)
 
     def box(self, table: Table) -> Part:
         """A [[box]]."""

@@ -71,6 +71,19 @@ def test_what_follows_the_last_element_is_said_to_be_left_out(tmp_path: Path, ki
     assert said == ["left out: what follows the last element"]
 
 
+def test_the_header_ends_with_a_line_of_its_own(tmp_path: Path) -> None:
+    data = written("binary_little_endian").replace(b"format", b"comment up to end_header\nformat", 1)
+    part, _ = load(tmp_path, data)
+    assert part.corners.tolist() == np.array(POINTS)[TRIANGLES].tolist()
+
+
+def test_faces_without_lists_are_refused(tmp_path: Path) -> None:
+    text = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n"
+    text += "element face 1\nproperty int vertex_indices\nend_header\n0 0 0\n0\n"
+    with pytest.raises(InputError, match="the vertices of its faces are no lists"):
+        load(tmp_path, text.encode())
+
+
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
 def test_byte_order_marks(tmp_path: Path, encoding: str) -> None:
     part, said = load(tmp_path, written("ascii").decode().encode(encoding))

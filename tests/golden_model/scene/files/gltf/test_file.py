@@ -325,7 +325,7 @@ def test_everything_that_is_not_read_is_said(tmp_path: Path) -> None:
     check_room(
         out.save(tmp_path / "room.glb"),
         "left out: animations, cameras, KHR_lights_punctual, KHR_materials_unlit, TEXCOORD_1, COLOR_0, morph targets, "
-        "points, lines, baseColorTexture, metallicFactor, alphaMode BLEND, emissiveTexture, "
+        "points, lines, baseColorTexture, metallicFactor, alphaMode BLEND, doubleSided, emissiveTexture, "
         "doubleSided of what shines, EXT_mesh_gpu_instancing",
     )
 

@@ -107,6 +107,16 @@ def test_a_texture_has_its_first_row_at_the_bottom(tmp_path: Path) -> None:
     assert texture[0, 2, 2] == pytest.approx(0.5, abs=0.01)
 
 
+@pytest.mark.parametrize("first", range(4))
+def test_a_quad_may_be_a_dart(tmp_path: Path, first: int) -> None:
+    """Covered once, whichever of its corners is named first."""
+    dart = [[1, 0, 0], [0.2, 0, -0.2], [0, 0, -1], [0, 0, 0]]
+    scene = scene_of(tmp_path, f"[[quad]]\ncorners = {dart[first:] + dart[:first]}\n")
+    found = area_vectors(scene.corners)
+    assert found.sum(axis=0) / 2 == pytest.approx([0, 0.2, 0])
+    assert (found[:, 1] > 0).all()
+
+
 def test_texture_coordinates_of_quads_and_boxes_go_from_corner_to_corner(tmp_path: Path) -> None:
     scene = scene_of(tmp_path, QUAD + "texture = 'checker'\ntexture_scale = [4, 2]\n" + BOX + "texture = 'checker'\n")
     quad = scene.texture_uv[:2]
@@ -193,6 +203,7 @@ KEY = "[[box.path]]\nframe = 0\n"
         (BOX + "texture = 'nowhere.png'\n", r"\[\[box\]\] 1: no such file: .*nowhere\.png"),
         (BOX + "texture = 'scene.toml'\n", r"scene\.toml cannot be read as a picture, damaged or cut off"),
         (BOX + "texture_scale = 2\n", "`texture_scale` is of use with a `texture` only"),
+        ("[[quad]]\ncorners = [[0, 0, 0], [1, 0, -1], [1, 0, 0], [0, 0, -1]]\n", "`corners` go across each other"),
         (BOX + "texture = 'checker'\ntexture_scale = 0\n", "`texture_scale` must not be 0"),
         (BOX + "texture = 'checker'\ntexture_scale = [1, 2, 3]\n", "`texture_scale` must be 2 numbers"),
         (BOX + "pivot = [0, 0, 0]\n", r"`pivot` is of use with \[\[...path\]\] keyframes only"),
