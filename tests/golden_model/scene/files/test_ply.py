@@ -132,6 +132,8 @@ def test_what_would_be_seen_is_said_to_be_left_out(tmp_path: Path) -> None:
 def test_faces_that_cross_themselves_are_told(tmp_path: Path) -> None:
     _, said = load(tmp_path, written("ascii").replace(b"4 0 1 2 3", b"5 0 1 2 4 3"))
     assert said == ["faces that cross themselves, 1 in all (first: face 1), are cut into triangles as well as can be"]
+    _, said = load(tmp_path, written("ascii").replace(b"4 0 1 2 3", b"5 0 1 2 4 3").replace(b"3 0 4 1", b"2 0 4"))
+    assert said[-1].startswith("faces that cross themselves, 1 in all (first: face 1)"), "counted with those left out"
 
 
 @pytest.mark.parametrize(

@@ -190,7 +190,9 @@ def test_sparse_accessors(tmp_path: Path, base: bool) -> None:
     sparse = Sparse(
         count=2,
         indices=AccessorSparseIndices(bufferView=out.view(bytes([9, 1, 3])), byteOffset=1, componentType=5121),
-        values=AccessorSparseValues(bufferView=out.view(np.array([[7, 8, 9], [-1, 0, 2]], "<f4").tobytes())),
+        values=AccessorSparseValues(
+            bufferView=out.view(np.array([5, 5, 5, 7, 8, 9, -1, 0, 2], "<f4").tobytes()), byteOffset=12
+        ),
     )
     view = out.view(np.array(FLOOR, "<f4").tobytes()) if base else None
     out.node(mesh=out.mesh(primitive(out.accessor(view, 4, "f4", 3, sparse=sparse), out.array(QUAD, "u1"))))

@@ -96,6 +96,17 @@ def test_normals_textures_and_materials_follow_their_polygons(tmp_path: Path) ->
     assert not said
 
 
+def test_negative_indices_count_back_from_the_last_of_their_kind(tmp_path: Path) -> None:
+    """Of which there are not as many as vertices."""
+    text = "v 9 9 9\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 0.5 0\nvn 0 0 1\nf -3/-2/-1 -2/-1/-1 -1/-2/-1\n"
+    part, _ = load(tmp_path, text)
+    assert part.corners.tolist() == [[[0, 0, 0], [1, 0, 0], [0, 1, 0]]]
+    assert part.texture_uv is not None
+    assert part.texture_uv.tolist() == [[[0, 0], [0.5, 0], [0, 0]]]
+    assert part.normals is not None
+    assert part.normals.tolist() == [[[0, 0, 1]] * 3]
+
+
 def test_faces_that_cross_themselves_are_told(tmp_path: Path) -> None:
     _, said = load(tmp_path, "v 0 0 0\nv 2 2 0\nv 3 0 0\nv 0 1 0\nf 1 2 3\n\nf 1 2 3 4\n")
     assert said == [
