@@ -73,11 +73,11 @@ class Pipeline:
     """How the collector groups rays."""
     blend: str = choice("both", MODES, "Which parts of a picture the blender adds up.")
     versions: int = number(2, 1, LONGEST, "Length of the flip chain.")
-    """What frame k's rays find is shown in frame k + versions - 1: 1 samples before
-    the frame is shaded ([0085]), 2 beside it, and each further one leaves a frame more time for it."""
+    """What frame k's rays find is shown in frame k + versions - 1: 1 samples before the frame is shaded ([0085]), 2
+    beside it, and each further one leaves a frame more time for it."""
     selects_by: str = choice("this", ("this", "before"), "Frame whose view and G-buffer selection looks at.")
-    """As `Machine.early_selection` of the schedule. By the one
-    before it waits for no rasterizer ([0052]), and misses what comes into sight with this one."""
+    """As `Machine.early_selection` of the schedule. By the one before it waits for no rasterizer ([0052]), and misses
+    what comes into sight with this one."""
 
     def __post_init__(self) -> None:
         check(self, "pipeline")
