@@ -93,11 +93,11 @@ def _unit_files(
         f"flow/openroad/{module}/config.mk": render("package_orfs.mk", **orfs),
         f"flow/openroad/{module}/constraint.sdc": sdc,
     }
+    own = OWN_BENCHES.get(name)
     if "registers" in unit:
-        own = OWN_BENCHES.get(name)
         bench = register_bench(unit, config, own.case(config) if own else operands(name))
-    elif name in OWN_BENCHES:
-        bench = OWN_BENCHES[name].testbench(unit, config)
+    elif own:
+        bench = own.testbench(unit, config)
     else:
         bench = stream_bench(unit, config, operands(name))
     files = {path: text.encode() for path, text in texts.items()}

@@ -43,7 +43,7 @@ BATCH = 4096
 
 def require_rays(rays: int, called: str) -> None:
     """Raises InputError for a number of rays that a reference cannot have; `called` is what the user knows it by."""
-    if rays < 1 or rays & (rays - 1) or not ROUNDS <= rays <= ROUNDS * 4096:
+    if rays & (rays - 1) or not ROUNDS <= rays <= ROUNDS * 4096:
         raise InputError(f"{called} {rays}: must be a power of two, {ROUNDS} to {ROUNDS * 4096}")
 
 

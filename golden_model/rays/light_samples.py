@@ -13,14 +13,12 @@ from lightloom.golden_model.contract.formats import RAY
 from lightloom.golden_model.numerics.counter_rng import hash_u32, uniform
 from lightloom.golden_model.numerics.directions import COUNT, cosine_table, sobol
 from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
-from lightloom.golden_model.numerics.vectors import add, scale, subtract
-from lightloom.golden_model.numerics.vectors import dot as dot4
+from lightloom.golden_model.numerics.vectors import add, dot, scale, subtract
+from lightloom.golden_model.rays.surface_shading import INVERSE_PI
 from lightloom.golden_model.scene.distant_lights import POINT, SKY, SUN, TRIANGLE
 from lightloom.golden_model.scene.lights import Lights
 from lightloom.golden_model.scene.octahedral import on_octahedron
 from lightloom.golden_model.scene.ray_offset import ray_start
-
-_INVERSE_PI = np.float32(0.31830987)
 
 NO_RIVALS = np.float32(0)
 """Light samples alone find the lights."""
@@ -120,9 +118,9 @@ def _transfer(lights: Lights, light: np.ndarray, toward: np.ndarray, normal: np.
     as the plane of its disc one unit off, to those of the sky as far as the octahedron. For a triangle this is
     cosine * cosine / distance**2 * area over the light's chance. Zero where either side faces away.
     """
-    square = dot4(toward, toward)
-    incoming = flush(dot4(normal, toward) / square)
-    outgoing = flush(dot4(-lights.doubled[light], toward) / square)
+    square = dot(toward, toward)
+    incoming = flush(dot(normal, toward) / square)
+    outgoing = flush(dot(-lights.doubled[light], toward) / square)
     # A point light has no cosine of its own: 1 / distance stands in for what `outgoing` is for a triangle. Beyond the
     # scene it is 1 / distance**2, because solid angles go with distance**-3 on plane and octahedron.
     kind, one = lights.kind[light], np.float32(1)
@@ -145,7 +143,7 @@ def _into_cone(cone: np.ndarray, toward: np.ndarray) -> np.ndarray:
     x**2 (3 - 2 x) across the edge, x its part of the way from the outer cosine to the inner one.
     """
     zero, one = np.zeros(1, dtype=np.float32), np.ones(1, dtype=np.float32)
-    place = flush(flush(-dot4(cone["axis"], toward) - cone["outer"]) * cone["steepness"])
+    place = flush(flush(-dot(cone["axis"], toward) - cone["outer"]) * cone["steepness"])
     place = float_minmax(float_minmax(place, zero, True), one)
     return flush(flush(place * place) * flush(np.float32(3) - flush(place + place)))
 
@@ -169,7 +167,7 @@ def _odds(factor: np.ndarray, rivals: np.ndarray) -> np.ndarray:
     The square of how many such rays go there for one light sample: `rivals` times the ratio of the densities, which is
     the transfer over pi.
     """
-    expected = flush(flush(factor * _INVERSE_PI) * rivals)
+    expected = flush(flush(factor * INVERSE_PI) * rivals)
     return flush(expected * expected)
 
 
@@ -213,7 +211,7 @@ def met_beyond(
             radiance = scale(radiance, _left(lights, SKY, toward, normal, rivals))
     if lights.sun is not None:
         disc = np.flatnonzero(lights.sun.seen(direction))
-        toward = scale(direction[disc], np.float32(1) / dot4(lights.sun.towards, direction[disc]))
+        toward = scale(direction[disc], np.float32(1) / dot(lights.sun.towards, direction[disc]))
         left = _left(lights, SUN, toward, normal[disc], rivals[disc])
         radiance[disc] = add(radiance[disc], scale(lights.sun.radiance[None], left))
     return radiance

@@ -12,7 +12,7 @@ from lightloom.golden_model.numerics.floats import float_to_fixed, flush, quiet
 PLACE_BITS = 8
 """Of a place between two texels, after the point: a bilinear read has weights of twice as many."""
 _ONE = 1 << PLACE_BITS
-_VALUE_BITS = 24
+VALUE_BITS = 24
 """After the point of every binary16 number, subnormal ones included; before it there are 16."""
 LEVEL_BITS = 8
 """Of a level of detail, after the point."""
@@ -39,13 +39,17 @@ def corners_of(column: list[np.ndarray], row: list[np.ndarray], base: np.ndarray
     return np.stack([base + row[j] * width + column[i] for j in (0, 1) for i in (0, 1)], axis=1)
 
 
+def in_fixed(values: np.ndarray) -> np.ndarray:
+    """Float32 (...) that binary16 holds as whole numbers of 2**-VALUE_BITS: (...) int64."""
+    return (values.astype(np.float64) * 2.0**VALUE_BITS).astype(np.int64)
+
+
 def weighted(values: np.ndarray, texel: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """The sum over four texels (N, 4) of `values` (texels, K), float32 that binary16 holds, 0 or more.
 
     Returns (N, K) int64 below 2**56, in 2**-40.
     """
-    taps = (values[texel].astype(np.float64) * 2.0**_VALUE_BITS).astype(np.int64)
-    return np.asarray((taps * weight[:, :, None]).sum(axis=1))
+    return np.asarray((in_fixed(values[texel]) * weight[:, :, None]).sum(axis=1))
 
 
 def read(total: np.ndarray) -> np.ndarray:
@@ -63,4 +67,4 @@ def read_between(a: np.ndarray, b: np.ndarray, fraction: np.ndarray) -> np.ndarr
 
 def _rounded(total: np.ndarray, bits: int) -> np.ndarray:
     """Sums of values times weights of so many bits after the point."""
-    return total.astype(np.float32) * np.float32(2.0 ** -(_VALUE_BITS + bits))
+    return total.astype(np.float32) * np.float32(2.0 ** -(VALUE_BITS + bits))

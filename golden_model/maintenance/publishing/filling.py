@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightloom.golden_model.numerics.floats import LARGEST_HALF, float_minmax, float_to_half, half_to_float, quiet
+from lightloom.golden_model.scene.filters import VALUE_BITS, in_fixed
 from lightloom.golden_model.scene.lightmap import Lightmaps, part_of
 from lightloom.golden_model.scene.sides import sides_of
 
-_FIXED = 2.0**24
 _FINEST = 2
 """Texels across a finest cell, as a power of two."""
 
@@ -52,7 +52,7 @@ class Filler:
         texel, side, levels = self._table(number)
         if known[texel].all() or not known[texel].any():
             return np.where((known | once)[:, None], values, np.float32(0))
-        stack = [(_fixed(values[texel]), known[texel])]
+        stack = [(in_fixed(in_half(values[texel])), known[texel])]
         for level in levels:
             stack.append(_pulled(level, *stack[-1]))
         filled = _everywhere(*stack[-1])
@@ -119,15 +119,14 @@ def _toward(within: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
     return np.sign(from_middle), np.abs(from_middle) << 2 - step
 
 
-def _fixed(value: np.ndarray) -> np.ndarray:
-    """Irradiance float32 as binary16 holds it, in 2**-24: int64, at most 65504 * 2**24."""
-    half = float_to_half(float_minmax(value, LARGEST_HALF))
-    return (half.astype(np.float64) * _FIXED).astype(np.int64)
+def in_half(value: np.ndarray) -> np.ndarray:
+    """Irradiance (M, 3) as binary16 holds it, float32."""
+    return half_to_float(float_to_half(float_minmax(value, LARGEST_HALF)))
 
 
 def _shown(fixed: np.ndarray) -> np.ndarray:
     """The nearest binary16 number, float32."""
-    return half_to_float((fixed.astype(np.float64) / _FIXED).astype(np.float16))
+    return half_to_float((fixed.astype(np.float64) * 2.0**-VALUE_BITS).astype(np.float16))
 
 
 def _pulled(level: _Level, value: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightloom.golden_model.contract.formats import PUBLISHED_TEXEL, TEXEL_STATE
-from lightloom.golden_model.maintenance.publishing.filling import Filler
+from lightloom.golden_model.maintenance.publishing.filling import Filler, in_half
 from lightloom.golden_model.maintenance.publishing.mipmaps import renew_levels
 from lightloom.golden_model.maintenance.publishing.regions import regions_of
 from lightloom.golden_model.maintenance.publishing.smoothing import Smoother
-from lightloom.golden_model.numerics.floats import LARGEST_HALF, float_minmax, float_to_half, half_to_float, quiet
+from lightloom.golden_model.numerics.floats import LARGEST_HALF, float_minmax, float_to_half, quiet
 from lightloom.golden_model.scene.lightmap import Lightmaps, filled, part_of
 
 
@@ -112,10 +112,10 @@ class Publisher:
 
     def _renew(self, state: np.ndarray, texel: np.ndarray, unknown: np.ndarray) -> None:
         """Brings up to date what texels show without smoothing: those named (M,), and all of the maps `unknown`."""
-        self._plain[texel] = _in_half(state["irradiance"][texel])
+        self._plain[texel] = in_half(state["irradiance"][texel])
         for number, part in zip(unknown.tolist(), self._parts(unknown), strict=True):
             whole = self.filler.fill(number, state["irradiance"][part], self._sampled[part], state["number"][part] > 0)
-            self._plain[part] = _in_half(whole)
+            self._plain[part] = in_half(whole)
 
     def _values(self, state: np.ndarray, texel: np.ndarray) -> np.ndarray:
         """Published values of texels of level 0 (M,): (M, 4) binary16."""
@@ -161,8 +161,3 @@ def _packed(value: np.ndarray, sampled: np.ndarray) -> np.ndarray:
     """Irradiance (M, 3) float32 and a weight (M,) bool to binary16 (M, 4)."""
     kept = float_minmax(value, LARGEST_HALF)
     return float_to_half(np.concatenate([kept, sampled[:, None].astype(np.float32)], axis=1))
-
-
-def _in_half(value: np.ndarray) -> np.ndarray:
-    """Irradiance (M, 3) as binary16 holds it, float32."""
-    return half_to_float(float_to_half(float_minmax(value, LARGEST_HALF)))
