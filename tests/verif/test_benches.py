@@ -1,6 +1,7 @@
 """Every unit's cocotb bench on both simulators."""
 
 from collections.abc import Mapping
+from itertools import product
 from pathlib import Path
 
 import pytest
@@ -8,8 +9,12 @@ import pytest
 from lightloom.gen.verilog import convert, verilog_of
 from lightloom.golden_model.contract.interfaces import OPERATORS, PURE
 from lightloom.rtl.config import PRESETS
+from lightloom.rtl.fabric.dataflow import DataflowCore
 from lightloom.rtl.fabric.pipeline import StreamUnit
 from lightloom.rtl.intersection.ray_triangle import RayTriangle
+from lightloom.rtl.maintenance.texel_blend import TexelBlend
+from lightloom.rtl.maintenance.texel_match import TexelMatch
+from lightloom.rtl.maintenance.texel_project import TexelProject
 from lightloom.sim.runner import BenchError, run_bench
 from lightloom.verif.vectors.unit_vectors import unit_vectors
 from tests.simulators import SIMULATORS, needs_icarus
@@ -69,14 +74,23 @@ def test_ray_triangle_bench_of_the_other_presets(preset: str, tmp_path: Path) ->
     assert bench("ray_triangle", "verilator", tmp_path, preset) == 8
 
 
-@pytest.mark.parametrize("interval", [8, pytest.param(3, marks=pytest.mark.long)])
+AT_OTHER_INTERVALS = [
+    (RayTriangle, 8),
+    *(
+        pytest.param(make, interval, marks=pytest.mark.long)
+        for make, interval in [(RayTriangle, 3), *product((TexelProject, TexelMatch, TexelBlend), (1, 4, 16, 32))]
+    ),
+]
+
+
+@pytest.mark.parametrize(("make", "interval"), AT_OTHER_INTERVALS)
 @pytest.mark.parametrize("simulator", SIMULATORS)
-def test_ray_triangle_bench_at_other_intervals(simulator: str, interval: int, tmp_path: Path) -> None:
+def test_bench_at_other_intervals(simulator: str, make: type[DataflowCore], interval: int, tmp_path: Path) -> None:
     config = PRESETS["base"]
-    unit = StreamUnit(RayTriangle(config, interval=interval), config.streams.tag_width)
+    core = make(config, interval=interval)
+    unit, name = StreamUnit(core, config.streams.tag_width), core.unit.name
     timing = {"latency": unit.latency, "initiation_interval": interval}
-    verilog = convert(unit, "ray_triangle")
-    assert bench("ray_triangle", simulator, tmp_path, verilog=verilog, timing=timing) == 8
+    assert bench(name, simulator, tmp_path, verilog=convert(unit, name), timing=timing) == 8
 
 
 @pytest.mark.parametrize(
