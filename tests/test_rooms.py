@@ -8,7 +8,6 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterable
-from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -21,17 +20,16 @@ from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PLACES, PRESETS
 from lightloom.rtl.fabric.pipeline import StreamUnit
 from tests import ROOT
+from tests.imports import ROOMS, asked_for, defined_elsewhere, modules, own_imports, sources, syntax
 
 # What each room may import of ours, without "lightloom."; a part after a dot narrows it.
 MAY_IMPORT = {
     "golden_model": {"golden_model"},
     "rtl": {"rtl", "golden_model.contract", "golden_model.host.errors", "golden_model.host.parameters"},
     "gen": {"gen", "rtl", "golden_model"},
-    "sim": {"sim", "gen", "rtl.config", "golden_model", "verif.bins.coverage"},
+    "sim": {"sim", "gen", "rtl.config", "golden_model", "verif.bins.coverage", "verif.benches"},
     "verif": {"verif", "golden_model"},
 }
-ROOMS = tuple(MAY_IMPORT)
-"""Folders of the checkout, and links to them in lightloom/."""
 
 FLOORS: dict[str, tuple[set[str], ...]] = {
     "golden_model": (
@@ -54,48 +52,6 @@ FLOORS: dict[str, tuple[set[str], ...]] = {
     ),
 }
 """What lies in a room, by floors, the top first: an arrow leads from a floor to a lower one."""
-
-
-@cache
-def modules() -> dict[str, Path]:
-    """Every module of ours by the name that it is imported by, without those of tests."""
-    found = {}
-    for folder in (*ROOMS, "lightloom"):
-        for path in sources(folder):
-            parts = path.relative_to(ROOT).with_suffix("").parts
-            parts = parts[:-1] if parts[-1] == "__init__" else parts
-            found[".".join(parts if folder == "lightloom" else ("lightloom", *parts))] = path
-    return found
-
-
-def sources(folder: str) -> list[Path]:
-    """The files of a folder of the checkout; rooms are not found a second time behind their links."""
-    links = {ROOT / "lightloom" / room for room in ROOMS}
-    return [path for path in sorted((ROOT / folder).rglob("*.py")) if links.isdisjoint(path.parents)]
-
-
-@cache
-def own_imports(path: Path) -> frozenset[str]:
-    """The modules of ours that a file imports, anywhere in it; of `from a import b` it is a.b where that is one."""
-    names = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: a relative import"
-            whole = {f"{node.module}.{alias.name}" for alias in node.names}
-            names |= {name if name in modules() else str(node.module) for name in whole}
-        else:
-            names |= asked_for(node)
-    return frozenset(name for name in names if name in modules())
-
-
-def asked_for(node: ast.AST) -> set[str]:
-    """The modules that a call of `import_module` or `__import__` asks for by a name that is written there."""
-    if not isinstance(node, ast.Call) or ast.unparse(node.func).split(".")[-1] not in ("import_module", "__import__"):
-        return set()
-    given = [*node.args[:1], *(one.value for one in node.keywords if one.arg == "name")]
-    return {one.value for one in given if isinstance(one, ast.Constant) and isinstance(one.value, str)}
 
 
 def arrows(inside: str, child: Callable[[str], str | None]) -> dict[str, set[str]]:
@@ -127,9 +83,38 @@ PACKAGES = sorted({name.rpartition(".")[0] for name in modules()} - {""})
 
 
 def test_there_is_something_to_look_at() -> None:
+    assert set(MAY_IMPORT) == set(ROOMS)
     assert len(modules()) > 250
     assert {"lightloom", "lightloom.rtl.traversal", "lightloom.golden_model.scene.files.toml"} <= set(PACKAGES)
     assert sum(len(own_imports(path)) for path in modules().values()) > 1000
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import lightloom.golden_model as g\ng.host.errors.InputError",
+        "import lightloom.golden_model.host\nlightloom.golden_model.host.errors",
+        "from lightloom import rtl\nrtl.catalogue.CATALOGUE",
+        "from lightloom.gen import emit\nemit.CATALOGUE",
+        "import lightloom.gen.emit as e\nclass A(e.Config): pass",
+        "from lightloom.gen.emit import CATALOGUE as units",
+        "from lightloom.gen.emit import *",
+    ],
+)
+def test_ways_round_the_imports_are_noticed(text: str) -> None:
+    assert defined_elsewhere(ast.parse(text))
+
+
+def test_what_a_module_has_itself_may_be_taken_by_any_way() -> None:
+    ways = ("import lightloom.gen.emit as e\ne.INDEXED, e.emit", "from lightloom.gen import emit\nemit.emit")
+    assert [defined_elsewhere(ast.parse(way)) for way in (*ways, "from lightloom.gen.emit import emit")] == [[], [], []]
+
+
+def test_every_import_names_the_file_that_has_what_is_taken() -> None:
+    """Then the imports are all arrows that there are, and the tests below see them."""
+    taken = {path.relative_to(ROOT): defined_elsewhere(syntax(path)) for path in modules().values()}
+    wrong = [f"{path} takes {', '.join(names)}" for path, names in taken.items() if names]
+    assert not wrong, "\n".join(wrong)
 
 
 @pytest.mark.parametrize("room", ROOMS)
@@ -171,7 +156,7 @@ BARE = re.compile(rf"(?:^|[\"';:]|\\n)\s*(?:from|import)\s+(?:\w+,\s*)*(?:{'|'.j
 def roots(path: Path) -> set[str]:
     """The first names of everything that a file imports, anywhere in it, also by a string that looks like a module."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(syntax(path)):
         if isinstance(node, ast.Import):
             found |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -238,27 +223,86 @@ def test_every_unit_has_its_name_in_every_room() -> None:
 
 
 # To name such a unit is for tables of what units have of their own, for what is one unit's (its file says so by its
-# name), and for the benchmark and the page that are about it.
-NAMES_UNITS = {
+# name), for faults, which lie in a file of somebody's, and for the benchmark and the page that are about it.
+NAMES_UNITS = (
     "golden_model/contract/interfaces.py",
     "golden_model/models.py",
     "rtl/catalogue.py",
     "gen/package/package.py",
+    "gen/formal/faults/",
     "lightloom/hardware/benches.py",
     "lightloom/commands/bench.py",
     "lightloom/pages/measure.py",
     "lightloom/pages/results.py",
-}
+)
+
+
+def names_unit(unit: str, text: ast.AST) -> Iterable[str]:
+    """Where a file asks whether something is that unit, or goes to its files: line and text of each place.
+
+    These are strings that are its name, that of a class or module of its own, or a path through a folder of its name;
+    and comparisons and `isinstance` with a class that is called so or comes from a file that is. Prose is not meant.
+    """
+    word = re.compile(rf"(?:\S*[/.])?{unit}(?:[/._]\S*)?|{unit.title()}\w*")
+    own = {
+        alias.asname or alias.name
+        for node in ast.walk(text)
+        if isinstance(node, ast.ImportFrom) and unit in str(node.module)
+        for alias in node.names
+        if not alias.name.isupper()  # constants are what is compared, not what is asked
+    }
+    for node in ast.walk(text):
+        asked: list[ast.expr] = []
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and word.fullmatch(node.value):
+            yield f"{node.lineno}: {node.value!r}"
+        elif isinstance(node, ast.Call) and ast.unparse(node.func) in ("isinstance", "issubclass"):
+            asked = [one for one in ast.walk(node) if isinstance(one, ast.expr)]
+        elif isinstance(node, ast.Compare):
+            asked = [node.left, *node.comparators]
+        elif isinstance(node, ast.MatchClass):
+            asked = [node.cls]
+        names = {ast.unparse(one).split(".")[-1] for one in asked if isinstance(one, ast.Name | ast.Attribute)}
+        yield from (f"{asked[0].lineno}: {name}" for name in names if name in own or unit in name.lower())
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "unit == 'traversal'",
+        "unit in ('float_add', 'traversal')",
+        "f'{unit}' == f'traversal'",
+        "isinstance(component, TraversalArray)",
+        "isinstance(component, (Core, array.TraversalUnit))",
+        "from lightloom.rtl.traversal.array import Units\ntype(component) is Units",
+        "from lightloom.rtl.traversal.array import Units\nisinstance(component, Units)",
+        "match component:\n    case TraversalArray(): pass",
+        "type(component).__name__ == 'TraversalUnit'",
+        "Path('rtl/traversal/unit.py')",
+        "'rtl/traversal' in str(path)",
+        "module.startswith('lightloom.rtl.traversal')",
+        "module.startswith('traversal_')",
+        "unit == benches.TRAVERSAL",
+    ],
+)
+def test_a_unit_that_is_named_is_noticed(text: str) -> None:
+    assert list(names_unit("traversal", ast.parse(text)))
+
+
+def test_prose_and_parameters_name_no_unit() -> None:
+    text = (
+        "'Rays of the traversal unit.'\nif depth < config.traversal.stack: run(config.traversal)\nbuild(TraversalUnit)"
+    )
+    assert list(names_unit("traversal", ast.parse(text))) == []
 
 
 def test_generic_code_names_no_unit_with_a_memory() -> None:
-    special = [unit for unit in UNITS if unit not in PURE]
     wrong = [
-        f"{path.relative_to(ROOT)}:{node.lineno}: {node.value!r}"
+        f"{path.relative_to(ROOT)}:{place}"
+        for unit in UNITS
+        if unit not in PURE
         for name, path in modules().items()
-        if str(path.relative_to(ROOT)) not in NAMES_UNITS and not any(unit in name for unit in special)
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        if isinstance(node, ast.Constant) and node.value in special
+        if unit not in name and not str(path.relative_to(ROOT)).startswith(NAMES_UNITS)
+        for place in names_unit(unit, syntax(path))
     ]
     assert not wrong, "\n".join(wrong)
 
@@ -268,7 +312,7 @@ def test_every_signal_has_a_line_of_its_own() -> None:
     wrong = [
         f"{path.relative_to(ROOT)}:{node.lineno}"
         for path in sources("rtl")
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for node in ast.walk(syntax(path))
         if isinstance(node, ast.Assign) and isinstance(node.value, ast.Tuple)
         if any(re.match(r"Signal\((?!.*name=)|.*_port\(", ast.unparse(value)) for value in node.value.elts)
     ]

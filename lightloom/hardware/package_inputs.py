@@ -25,8 +25,8 @@ def package_units(
     bus: str = "",
 ) -> dict[str, Any]:
     """Writes the package of units into `out`, whole or not at all; returns its manifest."""
-    import lightloom.sim
     from lightloom.gen.package.package import package
+    from lightloom.sim.system import MEMORY
     from lightloom.verif.vectors.unit_vectors import unit_vectors
 
     return package(
@@ -38,6 +38,6 @@ def package_units(
         prefix=prefix,
         bus=bus,
         operands=lambda unit: unit_vectors(unit, FEW if unit.startswith(LARGE) else MANY, SEED),
-        memory_model=Path(lightloom.sim.__file__).parent / "axi_memory.v",
+        memory_model=MEMORY,
         progress=lambda unit: advance(0.5),
     )

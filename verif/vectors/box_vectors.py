@@ -19,11 +19,12 @@ from lightloom.golden_model.contract.formats import (
     field_width,
 )
 from lightloom.golden_model.numerics.floats import quiet
+from lightloom.golden_model.stimuli.ray_families import rays_from
 from lightloom.golden_model.tracing.ray_setup import ray_setup
 from lightloom.golden_model.tracing.wide_bvh.box_setup import box_setup
 from lightloom.golden_model.tracing.wide_bvh.node_test import node_test
 from lightloom.golden_model.tracing.wide_bvh.ray_time import ray_time
-from lightloom.verif.vectors.ray_vectors import Family, Generator, mixture, raw, rays, specials
+from lightloom.verif.vectors.ray_vectors import Family, Generator, mixture, raw, specials
 
 TIME_MAX = (1 << TIME_BITS) - 1
 EXPONENTS = np.array([-32768, -1000, -300, -260, -127, -126, -60, 0, 60, 109, 110, 250, 257, 258, 259, 32767])
@@ -79,7 +80,7 @@ RAY_TIME_FAMILIES: dict[str, Family] = {
 
 def set_up(origin: np.ndarray, direction: np.ndarray, corner: np.ndarray, exponent: np.ndarray) -> np.ndarray:
     """Rays (N, 3) each, their scenes' lattices (N, 3) and (N,), to BOX_SETUP (N,)."""
-    prepared = ray_setup(rays(origin, direction))
+    prepared = ray_setup(rays_from(origin, direction))
     out = np.zeros(len(origin), dtype=BOX_SETUP)
     for name in ("origin", "inverse", "axis"):
         out[name] = prepared[name]

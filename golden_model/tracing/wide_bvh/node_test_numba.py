@@ -4,11 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import BOX_RAY, NODE_EXPONENT_MAX, POSITION_BIAS, WIDTH
+from lightloom.golden_model.contract.formats import BOX_RAY, BOX_WIDTHS, NODE_EXPONENT_MAX, POSITION_BIAS, WIDTH
 from lightloom.golden_model.tracing.compiled import compiled
 from lightloom.golden_model.tracing.wide_bvh import node_test
-
-BOX_WIDTHS = node_test.BOX_WIDTHS
 
 corner_distance = compiled(node_test.corner_distance)
 base_products = compiled(node_test.base_products)
