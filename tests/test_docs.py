@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests import ROOT
+from tests.imports import modules, own_imports
 
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 EXAMPLE = re.compile(r"^```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
@@ -56,3 +57,35 @@ def test_a_walk_enters_no_folder_twice(name: str, walk: str) -> None:
         if file.parent != folders[-1]:
             folders.append(file.parent)
     assert len(folders) == len(set(folders)), [str(folder) for folder in folders]
+
+
+MODEL = "lightloom.golden_model"
+BEGINNINGS = (
+    *(f"{MODEL}.scene.files.load", f"{MODEL}.renderer"),
+    *(f"{MODEL}.tracing.wide_bvh.memory_image", f"{MODEL}.tracing.wide_bvh.traversal"),
+    *("lightloom.rtl.traversal.array", "lightloom.rtl.registers.front"),
+)
+"""Where a texel and a ray begin, in the model and in hardware: what is on their way is what these draw on."""
+WHOLE = ("golden_model/numerics", "golden_model/contract", "golden_model/host", "rtl/operators")
+"""Folders that the walks name as a whole: what every step draws on, and a file for each operation."""
+
+
+def drawn_on(*beginnings: str) -> set[Path]:
+    """The files that some modules import by any number of steps, and their own; from the checkout's folder."""
+    found: set[str] = set()
+    waiting = set(beginnings)
+    while waiting:
+        found |= waiting
+        waiting = {used for name in waiting for used in own_imports(modules()[name])} - found
+    return {modules()[name].relative_to(ROOT) for name in found}
+
+
+def test_the_walks_name_every_file_on_the_way() -> None:
+    text = "\n".join(walk for _, walk in WALKS)
+    named = {Path(file) for file in re.findall(r"`(\w+/[\w/]+\.py)`", text)}
+    emitted = {file for file in drawn_on("lightloom.gen.emit") if file.parts[0] == "gen"}
+    on_the_way = {file for file in drawn_on(*BEGINNINGS) if str(file.parent) not in WHOLE} | emitted
+    assert len(on_the_way) > 150
+    assert [folder for folder in WHOLE if f"`{folder}/`" not in text] == []
+    assert sorted(map(str, on_the_way - named)) == [], "on the way, but not in docs/architecture.md"
+    assert sorted(str(file) for file in named - on_the_way if str(file.parent) not in WHOLE) == [], "on no way"
