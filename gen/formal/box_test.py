@@ -38,13 +38,13 @@ def encloses(widths: AxisWidths, free: Mapping[str, int]) -> str:
     for i, o in gates.run(free={**free, "pad": 0}, fixed={"pad": PAD, "slope": slope_one}):
         step = 1 << np.minimum(i["exponent"], widths.arithmetic.exponent)
         forward = i["backwards"] == 0
-        turn = np.where(forward, 1, -1)
+        heading = np.where(forward, 1, -1)
         unit = np.int64(1) << i["coarseness"]  # of the ray, in quarters of a lattice unit
         denominator = unit * slope_one
         for side, first, sign in (("near", "lower", 1), ("far", "upper", -1)):
             other = "upper" if first == "lower" else "lower"
             plane = i["origin"] + np.where(forward, i[first], i[other]) * step
-            way = turn * ((plane << BOX_FRACTION) - (i["position"] - (1 << (widths.position - 1))) * unit)
+            way = heading * ((plane << BOX_FRACTION) - (i["position"] - (1 << (widths.position - 1))) * unit)
             found = o[side] - bias
             for slope in (i["slope"], i["slope"] + 1):  # the distance is linear in the ratio: its ends are enough
                 exact = (way - sign * MARGIN * unit) * slope << i["steepness"]

@@ -16,7 +16,7 @@ from lightloom.gen.formal.streams import held
 from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.catalogue import stream_unit
 from lightloom.rtl.config import PRESETS, Config
-from lightloom.rtl.fabric.pipeline import Core, StreamUnit, register, turns_of
+from lightloom.rtl.fabric.pipeline import Core, StreamUnit, register, slots_of
 
 LONGEST = 160
 """Cycles in which an operation goes through any of the units: more than their latencies."""
@@ -85,7 +85,7 @@ def handshake(unit: str, latency: int, interval: int, tag_width: int) -> Bench:
     bench.require("drains", ~follows | (released < latency))
     bench.reach("followed_one_leaves", leaves & o.ready)
 
-    # The induction's invariant: stages, tags and turns are as the history says, and the followed one is where it
+    # The induction's invariant: stages, tags and slots are as the history says, and the followed one is where it
     # should be.
     stages = -(-(latency - 1) // interval)
     for stage in range(stages):
@@ -98,8 +98,8 @@ def handshake(unit: str, latency: int, interval: int, tag_width: int) -> Bench:
     bench.require("stage_has_tag", ~follows | (Array(tags)[place // interval] == tag))
     bench.require("moved", ~follows | (released <= place))
     if interval > 1:
-        turns = Cat(turns_of(free.phase))
-        bench.require("in_turn", turns == Mux(history.any(), Const(1, interval) << moves, 1))
+        slots = Cat(slots_of(free.phase))
+        bench.require("in_slot", slots == Mux(history.any(), Const(1, interval) << moves, 1))
         for age in range(1, latency + 1):
             bench.require(f"age{age}", ~history[age - 1] | (moves == age % interval))
     return bench

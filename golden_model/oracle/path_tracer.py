@@ -36,7 +36,7 @@ _RIVALS = np.float32(1)  # a ray goes on from a vertex for each light sample the
 BATCH = 1 << 17  # paths traced at a time: bounds the memory
 SKY_SIDE = 512  # cells along each side of the table of a sky: no larger than a seventh to a third of a degree
 MOST_VERTICES = 512  # of a path, where an albedo is 1
-_DIRECT, _TURN, _ROULETTE, _DIRECTION, _LIGHT = range(5)  # what a hash is for
+_DIRECT, _ROTATION, _ROULETTE, _DIRECTION, _LIGHT = range(5)  # what a hash is for
 
 
 def irradiance(
@@ -159,9 +159,9 @@ def _indirect(
     path = np.arange(points * samples)
     sample = np.tile(np.arange(first, first + samples), points)
     own = hash_u32(np.repeat(key, samples), sample)  # of each path
-    turn = hash_u32(np.repeat(key, samples), _TURN, sample // COUNT)
+    angle = hash_u32(np.repeat(key, samples), _ROTATION, sample // COUNT)
     place, facing = np.repeat(position, samples, axis=0), np.repeat(normal, samples, axis=0)
-    rays = _bounce(place, facing, sample % COUNT, turn)
+    rays = _bounce(place, facing, sample % COUNT, angle)
     throughput = np.ones((len(path), 3), dtype=np.float32)
     for vertex in range(_vertices(scene)):
         hits = trace(rays)
@@ -200,11 +200,11 @@ def _vertices(scene: Scene) -> int:
     return count
 
 
-def _bounce(start: np.ndarray, facing: np.ndarray, entry: np.ndarray, turn: np.ndarray) -> np.ndarray:
+def _bounce(start: np.ndarray, facing: np.ndarray, entry: np.ndarray, angle: np.ndarray) -> np.ndarray:
     """RAY (N,) from points with normals (N, 3) along entries of the cosine table, turned by entries of the other."""
     rays = np.zeros(len(start), dtype=RAY)
     rays["origin"] = start
-    rotation = rotation_table()[turn % np.uint32(ROTATIONS)]
+    rotation = rotation_table()[angle % np.uint32(ROTATIONS)]
     rays["direction"] = to_world(cosine_table()[entry], facing, tangent_of(facing), rotation)
     rays["t_max"] = np.inf
     return rays

@@ -184,8 +184,8 @@ class Collector:
         forced = (begin + size < count) & (definition[following] == definition[begin])
         leaves = np.where(size == self.packing.capacity, last, np.where(forced, order[following], count))
         self._last_pack = int((size == self.packing.capacity).sum()), int((leaves < count).sum())
-        turn = np.argsort(leaves, kind="stable")
-        begin, size = begin[turn], size[turn]
+        leaving = np.argsort(leaves, kind="stable")
+        begin, size = begin[leaving], size[leaving]
         starts = np.cumsum(size) - size
         gather = np.repeat(begin - starts, size) + np.arange(count)
         return order[gather], starts

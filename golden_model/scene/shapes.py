@@ -43,7 +43,7 @@ def icosphere(subdivisions: int) -> np.ndarray:
     """
     signs = ((-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0))
     points = np.array(
-        [np.roll((0.0, a, b * GOLDEN), turn) for turn in range(3) for a, b in signs],
+        [np.roll((0.0, a, b * GOLDEN), places) for places in range(3) for a, b in signs],
         dtype=np.float64,
     )
     # Faces are the triples of points two apart from each other, ordered to face outward.

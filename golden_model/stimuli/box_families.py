@@ -247,8 +247,8 @@ def grazed_edge(where: Boxes, outside: np.ndarray, rng: Generator) -> tuple[np.n
     point = np.where(along, inner, np.where(side, where.upper + outside, where.lower - outside))
     # Outwards on one of the edge's axes, inwards on another.
     inwards = np.where(side, -1.0, 1.0)
-    turn = rng.integers(0, 2, (count, 1)) * 2 - 1.0
-    sign = inwards * np.where(np.arange(3) == (np.argmax(along, axis=1)[:, None] + 1) % 3, turn, -turn)
+    way = rng.integers(0, 2, (count, 1)) * 2 - 1.0
+    sign = inwards * np.where(np.arange(3) == (np.argmax(along, axis=1)[:, None] + 1) % 3, way, -way)
     steep = np.ldexp(1 + rng.random((count, 3)), -(rng.integers(0, 30, (count, 3)) >> rng.integers(0, 5, (count, 3))))
     return point, np.where(along, rng.uniform(-1, 1, (count, 3)), sign) * steep
 

@@ -167,8 +167,8 @@ def _rays_of_points(triangles: np.ndarray, origin: np.ndarray, index: np.ndarray
     # Scaled first, so that no square leaves the range.
     normal = normalize(cross(*(subtract(v, v0) / np.float32(extent) for v in (v1, v2))))
     local = cosine_table()[rng.integers(0, len(cosine_table()), count)]
-    turn = rotation_table()[rng.integers(0, len(rotation_table()), count)]
-    rays = rays_from(origin, to_world(local, normal, tangent_of(normal), turn))
+    rotation = rotation_table()[rng.integers(0, len(rotation_table()), count)]
+    rays = rays_from(origin, to_world(local, normal, tangent_of(normal), rotation))
     rays["t_min"] = T_MIN * extent
     return rays
 

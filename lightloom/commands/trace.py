@@ -8,7 +8,7 @@ import typer
 from lightloom.shared.inputs import choose
 from lightloom.shared.options import Json, Scene, npz
 
-BACKENDS = ("golden", "rtl")
+TRACERS = ("golden", "rtl")
 HITS = ("primitive", "t", "u", "v")
 RAYS = {"origin": 3, "direction": 3, "t_min": 0, "t_max": 0}
 
@@ -25,8 +25,14 @@ def trace(
         bool,
         typer.Option("--any-hit", help="Only whether there is a hit: primitive is 0 or -1, the rest 0."),
     ] = False,
-    backend: Annotated[
-        str, typer.Option("--backend", metavar="golden|rtl", help="What answers: the golden model or the Verilog.")
+    tracer: Annotated[
+        str,
+        typer.Option(
+            "--tracer",
+            "--backend",
+            metavar="golden|rtl",
+            help="What answers: the golden model or the Verilog. `--backend` is its older name.",
+        ),
     ] = "golden",
     json: Json = False,
 ) -> None:
@@ -36,17 +42,17 @@ def trace(
     index. The hit point is (1-u-v) v0 + u v1 + v v2.
 
     \b
-    Backends, the same bits from both:
+    Tracers, the same bits from both:
       golden  the golden model's BVH traversal
       rtl     the Verilated traversal unit with a tree in its memory
 
     \b
     Examples:
       lightloom trace cornell-box --rays rays.npz --out hits.npz
-      lightloom trace mesh.obj --rays rays.npz --backend rtl --out rtl.npz
+      lightloom trace mesh.obj --rays rays.npz --tracer rtl --out rtl.npz
       lightloom compare hits.npz rtl.npz
     """
-    choose(backend, BACKENDS, "backend")
+    choose(tracer, TRACERS, "tracer")
 
     import numpy as np
 
@@ -66,12 +72,12 @@ def trace(
     with Progress() as progress:
         with progress.stage("Scene"):
             triangles = load_scene(scene).triangles
-        with progress.stage("Simulators" if backend == "rtl" else "Tree"):
-            tracer = (rtl_tracer if backend == "rtl" else golden_tracer)(triangles)
+        with progress.stage("Simulators" if tracer == "rtl" else "Tree"):
+            traced = (rtl_tracer if tracer == "rtl" else golden_tracer)(triangles)
         # Opened before the work, so that a place that cannot be written is found out before the work.
         with whole_file(out) as scratch, scratch.open("wb") as file:
             with progress.stage(stage, len(batch)) as advance:
-                hits = tracer(batch, any_hit=any_hit, advance=advance)
+                hits = traced(batch, any_hit=any_hit, advance=advance)
             save_arrays(file, {name: hits[name] for name in HITS})
     seconds = progress.seconds[stage]
     summary = {
@@ -80,7 +86,7 @@ def trace(
         "triangles": len(triangles),
         "seconds": seconds,
         "rays_per_second": len(batch) / seconds,
-        "backend": backend,
+        "backend": tracer,
         "out": str(out),
     }
     if json:

@@ -84,7 +84,7 @@ def comparison_report(
     rays_an_update = options.sampling.reserve(scene.specular)
     summaries = {}
     for name, frames in rows.items():
-        late = [lag.of(name, turn(frames[lag.step.first]["visible"], options)) for lag in lags]
+        late = [lag.of(name, frames_a_turn(frames[lag.step.first]["visible"], options)) for lag in lags]
         summaries[name] = (
             summary(frames, options.budget)
             | longest([lag for lag in late if lag is not None])
@@ -146,7 +146,7 @@ def comparison_report(
     }
 
 
-def turn(visible: int, options: Comparison) -> float:
+def frames_a_turn(visible: int, options: Comparison) -> float:
     """Frames that it takes to update so many visible texels once each, if all rays of the budget went to them.
 
     An update without mirrors is taken, of which there are more: so lags are rather too many turns. At least one texel.

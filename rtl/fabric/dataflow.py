@@ -16,7 +16,7 @@ from amaranth.lib import data
 from lightloom.golden_model.contract.interfaces import Unit
 from lightloom.rtl.config import Config
 from lightloom.rtl.fabric.one_hot import any_of, pick
-from lightloom.rtl.fabric.pipeline import Core, in_turn, named, register, turns_of
+from lightloom.rtl.fabric.pipeline import Core, in_slot, named, register, slots_of
 from lightloom.rtl.fabric.schedule import Kind, Schedule
 
 
@@ -50,16 +50,16 @@ class Dataflow:
     """Builds one datapath inside a module; all cores and delay lines in it advance with `en`.
 
     Every operation starts as soon as its last operand is there. Where the datapath takes its operands every `interval`
-    cycles, operations share cores, each in a turn of its own, as the `schedule` says; `phase` (see `Core`) counts the
-    turns. A shared core's operands are chosen in the cycle before: a register stands between the choice and the core.
-    A register of a delay line loads in the turn of its value, and holds it until the next one comes: so a value that is
+    cycles, operations share cores, each in a slot of its own, as the `schedule` says; `phase` (see `Core`) counts the
+    slots. A shared core's operands are chosen in the cycle before: a register stands between the choice and the core.
+    A register of a delay line loads in the slot of its value, and holds it until the next one comes: so a value that is
     used k cycles later takes k / interval registers, rounded up.
     """
 
     def __init__(self, m: Module, en: Value, phase: Value | None = None, schedule: Schedule | None = None):
         self._m = m
         self._en = en
-        self._turns = turns_of(Signal(0) if phase is None else phase)
+        self._slots = slots_of(Signal(0) if phase is None else phase)
         self._schedule = schedule or Schedule(1)
         self._placed: dict[tuple[Kind, int], Placed] = {}
 
@@ -76,27 +76,27 @@ class Dataflow:
         """The node's value at a later time, through registers."""
         assert time >= node.ready, f"{node.name} is not known before cycle {node.ready}"
         registers = -(-(time - node.time) // self.interval)
-        load = in_turn(self._turns, node.time, self._en)
+        load = in_slot(self._slots, node.time, self._en)
         while len(node.delayed) < registers:
             previous = node.delayed[-1] if node.delayed else node.value
             name = f"{node.name}_d{len(node.delayed) + 1}"
             node.delayed.append(register(self._m, load, previous, name))
         return node.delayed[registers - 1] if registers else node.value
 
-    def _turn(self, time: int) -> Value:
+    def _slot(self, time: int) -> Value:
         """Whether this is cycle `time` of an operation, or one any number of intervals from it."""
-        return self._turns[time % self.interval]
+        return self._slots[time % self.interval]
 
     def _chosen(self, values: Iterable[tuple[int, Any]]) -> Any:
-        """Of values with their times, that of this turn; in a turn that has none, anything."""
+        """Of values with their times, that of this slot; in a slot that has none, anything."""
         sources: dict[Any, tuple[Any, list[int]]] = {}
         for time, value in values:
             sources.setdefault(value if isinstance(value, int) else id(value), (value, []))[1].append(time)
         found = [value for value, _ in sources.values()]
         if len(found) == 1:
             return found[0]
-        turns = [any_of(map(self._turn, times)) for _, times in sources.values()]
-        return Mux(turns[0], *found) if len(found) == 2 else pick(turns, found)
+        slots = [any_of(map(self._slot, times)) for _, times in sources.values()]
+        return Mux(slots[0], *found) if len(found) == 2 else pick(slots, found)
 
     def logic(self, name: str, function: Callable[..., Any], *operands: Node, stage: bool = False) -> Node:
         """Combinational logic over operands brought to the time of the latest, with a register after it if `stage`."""
@@ -129,7 +129,7 @@ class Dataflow:
             result = self._applied(f"{name}{k}", function, held, *operands, at_once=at_once)
             result = named(self._m, result, f"{name}{k}_next")
             with self._m.If(self._en):
-                self._m.d.sync += held.eq(Mux(self._turn(time), given, result))
+                self._m.d.sync += held.eq(Mux(self._slot(time), given, result))
             given, time = result, times[-1]
         return Node(given, time, f"{name}{count}", staged=True)
 
@@ -152,7 +152,7 @@ class Dataflow:
         """The results, by field name, of an operation that a core like `core` does; an operand may be a constant.
 
         `stand_in` is a larger core that gives the same results if the operands that only it has are 0. Where cores like
-        it have turns to spare, and a core less is needed if they are used, it does the operation.
+        it have slots to spare, and a core less is needed if they are used, it does the operation.
         """
         assert core.initiation_interval == 1, f"{core.unit.name} does not take an operation in every cycle"
         ready = max(node.ready for node in operands.values() if isinstance(node, Node))

@@ -29,8 +29,8 @@ class Core(wiring.Component):
 
     Ports: `en` (all registers advance), `i` (operands), `o` (results, `latency` enabled cycles later). Data has no
     reset: validity is kept by whoever uses the core. With an interval of more than 1 also `phase`, which goes round
-    with the enabled cycles: bit k is high in turn k, and none in the last turn. Operands are taken in turn 0, and as
-    long as operations are under way, turns follow each other. Floating-point fields have the width of `format`.
+    with the enabled cycles: bit k is high in slot k, and none in the last slot. Operands are taken in slot 0, and as
+    long as operations are under way, slots follow each other. Floating-point fields have the width of `format`.
     """
 
     def __init__(self, unit: Unit, latency: int, format: FloatFormat = FLOAT32, *, interval: int = 1):
@@ -131,14 +131,14 @@ def named(m: Module, value: Any, name: str) -> Value:
     return wire
 
 
-def turns_of(phase: Value) -> list[Value]:
-    """Of each turn, whether it is this one: `phase` has a bit for each but the last."""
+def slots_of(phase: Value) -> list[Value]:
+    """Of each slot, whether it is this one: `phase` has a bit for each but the last."""
     return [*phase, ~any_of(phase)] if len(phase) else [Const(1)]
 
 
-def in_turn(turns: Sequence[Value], time: int, value: Value) -> Value:
-    """`value` in the turn that `time` falls into, 0 in the others."""
-    return value & turns[time % len(turns)] if len(turns) > 1 else value
+def in_slot(slots: Sequence[Value], time: int, value: Value) -> Value:
+    """`value` in the slot that `time` falls into, 0 in the others."""
+    return value & slots[time % len(slots)] if len(slots) > 1 else value
 
 
 class StreamUnit(UnitComponent):
@@ -149,7 +149,7 @@ class StreamUnit(UnitComponent):
 
     With an interval of N cycles, an operation is taken at once where nothing is under way: `i.ready` stays high in an
     empty unit, and nothing goes round in it. Else it is taken N moves of the pipeline after the last one, or 2N, 3N, …:
-    all that are under way have to keep out of each other's turns. So `i.ready` is high in every N-th move.
+    all that are under way have to keep out of each other's slots. So `i.ready` is high in every N-th move.
     """
 
     latency: int
@@ -169,9 +169,9 @@ class StreamUnit(UnitComponent):
         advance = Signal()
         taking = Signal()
         phase = Signal(interval - 1, init=interval > 1)
-        turns = turns_of(phase)
-        m.d.comb += taking.eq(in_turn(turns, 0, advance))
-        # From one turn 0 to the next an operation stays in one stage, and its tag too. In its own turn it goes from the
+        slots = slots_of(phase)
+        m.d.comb += taking.eq(in_slot(slots, 0, advance))
+        # From one slot 0 to the next an operation stays in one stage, and its tag too. In its own slot it goes from the
         # last stage to the output, where it is for one move.
         valid: Value = self.i.valid
         tag: Value = self.i.payload.tag
@@ -182,7 +182,7 @@ class StreamUnit(UnitComponent):
         ]
         stages = [Signal(name=f"valid{stage}") for stage in range(-(-(latency - 1) // interval))]
         if interval > 1 and stages:
-            with m.If(in_turn(turns, latency - 1, advance)):
+            with m.If(in_slot(slots, latency - 1, advance)):
                 m.d.sync += stages[-1].eq(0)
         for held in stages:
             with m.If(taking):
@@ -191,15 +191,15 @@ class StreamUnit(UnitComponent):
         if latency:
             offered = Signal(name=f"valid{len(stages)}")
             with m.If(advance):
-                m.d.sync += offered.eq(in_turn(turns, latency - 1, valid))
+                m.d.sync += offered.eq(in_slot(slots, latency - 1, valid))
             valid = offered
         for stage in range(-(-latency // interval)):
             tag = register(m, taking, tag, f"tag{stage}")
         if interval > 1:
-            under_way = any_of([in_turn(turns, 0, self.i.valid), *stages])
+            under_way = any_of([in_slot(slots, 0, self.i.valid), *stages])
             m.d.comb += core.phase.eq(phase)
             with m.If(advance):
-                m.d.sync += phase.eq(Mux(under_way, Cat(turns[-1], phase[:-1]), 1))
+                m.d.sync += phase.eq(Mux(under_way, Cat(slots[-1], phase[:-1]), 1))
         m.d.comb += [
             self.o.valid.eq(valid),
             self.o.payload.tag.eq(tag),

@@ -1,8 +1,8 @@
 """When each operation of a graph is done, and by which core: the part of `rtl.fabric.dataflow` that knows no hardware.
 
 A graph gets operands every `interval` cycles, and a core takes an operation in every cycle. So a core has `interval`
-turns: turn k is the cycles k, k + interval, k + 2 interval, … after operands came. It can do as many operations of the
-graph, each in a turn of its own, in which the next operands will find it free again.
+slots: slot k is the cycles k, k + interval, k + 2 interval, … after operands came. It can do as many operations of the
+graph, each in a slot of its own, in which the next operands will find it free again.
 """
 
 from collections import Counter, defaultdict
@@ -23,7 +23,7 @@ class Place:
 
 
 class Schedule:
-    """Gives operations their places, one after the other: each the first time at which a core has that turn free.
+    """Gives operations their places, one after the other: each the first time at which a core has that slot free.
 
     There are as few cores of each kind as can do all operations, once another schedule has `counted` these: one that
     gives each a core of its own.
@@ -35,14 +35,14 @@ class Schedule:
         self._stand_ins: dict[Kind, Kind | None] = {}
         self._loads = counted._fewest() if counted else None
         self._taken: defaultdict[Kind, list[set[int]]] = defaultdict(list)
-        """The turns of each core that are taken."""
+        """The slots of each core that are taken."""
         for kind, load in (self._loads or {}).items():
             self._taken[kind] = [set() for _ in range(-(-load // interval))]
 
     def _fewest(self) -> Counter[Kind]:
         """How many operations cores of each kind do.
 
-        Those that would need one more core of their kind, and find turns to spare at cores that can stand in, go there.
+        Those that would need one more core of their kind, and find slots to spare at cores that can stand in, go there.
         """
         loads = Counter(self._asked)
         for kind, other in self._stand_ins.items():
@@ -69,9 +69,9 @@ class Schedule:
             kind = stand_in
         cores = self._taken[kind]
         for time in range(ready, ready + self.interval):
-            turn = time % self.interval
+            slot = time % self.interval
             for number, taken in enumerate(cores):
-                if turn not in taken:
-                    taken.add(turn)
+                if slot not in taken:
+                    taken.add(slot)
                     return Place(kind, number, time)
-        raise AssertionError(f"{len(cores)} cores of {kind} have no turn left")
+        raise AssertionError(f"{len(cores)} cores of {kind} have no slot left")

@@ -131,7 +131,7 @@ def distances(
         out = []
         for slot, (forward, backward) in enumerate(planes):
             box = f"{name}{slot}"
-            plane = step(5, f"{box}_plane", lambda turn, f, b: Mux(turn, ~b, f), backwards, forward, backward)
+            plane = step(5, f"{box}_plane", lambda back, f, b: Mux(back, ~b, f), backwards, forward, backward)
             product = step(6, f"{box}_product", partial(plane_product, step.m, box, widths), plane, *factors)
             moved = step(7, f"{box}_moved", lambda p, places: Cat(Const(0, widths.align), p) >> places, product, places)
             whole = step(8, f"{box}_sum", lambda base, moved: (base + moved)[: widths.total].as_signed(), base, moved)

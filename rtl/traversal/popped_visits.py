@@ -112,15 +112,15 @@ class PoppedVisits(wiring.Component):
         m.d.sync += on_their_way.eq(on_their_way + self.chosen.valid - leave)
         return m
 
-    def _waiting(self, m: Module, name: str, comes: Value, visit: data.View, turn: Any) -> RegisterFifo:
-        """A queue in front of the stream `turn`, with room for all visits. What `comes` has its fields from `visit`."""
-        fields = turn.payload.shape().members
-        m.submodules[name] = queue = RegisterFifo(len(Value.cast(turn.payload)), POPS)
+    def _waiting(self, m: Module, name: str, comes: Value, visit: data.View, requests: Any) -> RegisterFifo:
+        """A queue before the stream `requests`, with room for all visits. What `comes` has its fields from `visit`."""
+        fields = requests.payload.shape().members
+        m.submodules[name] = queue = RegisterFifo(len(Value.cast(requests.payload)), POPS)
         m.d.comb += [
             queue.w.payload.eq(Cat(visit[field] for field in fields)),
             queue.w.valid.eq(comes),
-            queue.r.ready.eq(turn.ready),
-            Value.cast(turn.payload).eq(queue.r.payload),
-            turn.valid.eq(queue.r.valid),
+            queue.r.ready.eq(requests.ready),
+            Value.cast(requests.payload).eq(queue.r.payload),
+            requests.valid.eq(queue.r.valid),
         ]
         return queue

@@ -206,15 +206,16 @@ def rays_file(tmp_path: Path) -> Path:
 
 
 @pytest.mark.usefixtures("quickly_built")
-@pytest.mark.parametrize("any_hit", [False, True])
-def test_trace(cli: Run, tmp_path: Path, rays_file: Path, any_hit: bool) -> None:
+@pytest.mark.parametrize(("any_hit", "option"), [(False, "--tracer"), (True, "--backend")])
+def test_trace(cli: Run, tmp_path: Path, rays_file: Path, any_hit: bool, option: str) -> None:
     from lightloom.golden_model.tracing.bvh.build import build
 
     options = ["--any-hit"] if any_hit else []
     golden, rtl = tmp_path / "golden.npz", tmp_path / "rtl.npz"
     assert cli("trace", "cornell-box", "--rays", rays_file, "--out", golden, *options).code == 0
-    outcome = cli("trace", "cornell-box", "--rays", rays_file, "--out", rtl, "--backend", "rtl", "--json", *options)
+    outcome = cli("trace", "cornell-box", "--rays", rays_file, "--out", rtl, option, "rtl", "--json", *options)
     assert outcome.code == 0, outcome
+    assert json.loads(outcome.out)["backend"] == "rtl"
     want = trace(build(load_scene("cornell-box").triangles), some_rays(300), any_hit=any_hit)
     with np.load(golden) as file:
         assert set(file.files) == {"primitive", "t", "u", "v"}

@@ -17,7 +17,7 @@ from lightloom.golden_model.scene.lightmap import EMPTY, VALID
 from lightloom.policies.judge import counted_pixels, darkened, error, flip, straight_light, visible_texels
 from lightloom.policies.options import Comparison
 from lightloom.policies.parameters import changed_parameters, parameters
-from lightloom.policies.report import budget_shares, few_counted, summary, turn
+from lightloom.policies.report import budget_shares, few_counted, frames_a_turn, summary
 from lightloom.render.policy_pictures import (
     ERROR_RANGE,
     QUANTITIES,
@@ -108,8 +108,8 @@ def test_shares_of_the_budget() -> None:
     assert budget_shares(frames, 100, 5, 19)["least_share"] is None
     assert budget_shares(frames, 100, 6, 1000)["least_share"] is None
     options = Comparison(budget=100, directions=16, light_samples=4)
-    assert turn(50, options) == 10
-    assert turn(0, options) > 0
+    assert frames_a_turn(50, options) == 10
+    assert frames_a_turn(0, options) > 0
 
 
 def test_relative_error_has_a_sign_and_a_floor() -> None:

@@ -102,15 +102,15 @@ def indirect_rays(update: Update, directions: np.ndarray | int) -> np.ndarray:
     run = (update.number.astype(np.int64) ^ (hashed & np.uint32(0xFFFF)).astype(np.int64)) % (COUNT // count)
     within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
     entry = np.repeat(run * count, count) + within
-    rotation = rotation_table()[(hashed >> np.uint32(16)) % np.uint32(ROTATIONS)]
+    of_texel = rotation_table()[(hashed >> np.uint32(16)) % np.uint32(ROTATIONS)]
 
     rays = np.zeros(len(entry), dtype=RAY)
     rays["t_max"] = np.inf
-    rays["origin"], normal, tangent, turn = (
+    rays["origin"], normal, tangent, rotation = (
         np.repeat(a, count, axis=0)
-        for a in (update.record["position"], update.record["normal"], update.record["tangent"], rotation)
+        for a in (update.record["position"], update.record["normal"], update.record["tangent"], of_texel)
     )
-    rays["direction"] = to_world(cosine_table()[entry], normal, tangent, turn)
+    rays["direction"] = to_world(cosine_table()[entry], normal, tangent, rotation)
     return rays
 
 

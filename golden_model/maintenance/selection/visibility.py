@@ -125,7 +125,7 @@ class Visibility:
     def __init__(self, windows: Windows, order: np.ndarray, policy: Policy):
         """`order` (V,): the texels that exist, in the order in which doubts are decided: that of memory."""
         self.windows, self.order, self.policy = windows, order, policy
-        self.turn = RoundRobin()
+        self.cursor = RoundRobin()
 
     def look(
         self,
@@ -152,7 +152,7 @@ class Visibility:
 
         traced = 0
         if policy.ray_test and trace is not None and rays > 0:
-            asked = self.order[self.turn.take(degree[self.order] == LIKELY, min(rays, policy.visibility_rays))]
+            asked = self.order[self.cursor.take(degree[self.order] == LIKELY, min(rays, policy.visibility_rays))]
             traced = len(asked)
             hits = trace(eye_rays(texels["position"][asked], view), any_hit=True)
             degree[asked] = np.where(hits["primitive"] >= 0, HIDDEN, SEEN)

@@ -98,7 +98,7 @@ class Description:
         return self.lamp(keys.pop("name", "lamp"), corner, (side, 0, 0), (0, 0, side), emission, **keys)
 
     def furnish(self, rng: np.random.Generator, count: int, size: Vector, keep_off: float = 0.8) -> None:
-        """Boxes of any size and turn on the floor of a room of that size, none within `keep_off` of its middle line."""
+        """Boxes of any size and rotation on the floor of a room of that size, none within `keep_off` of its middle."""
         for number in range(count):
             sides = rng.uniform([0.3, 0.3, 0.3], [0.9, 1.4, 0.9])
             side = rng.choice([-1, 1])
@@ -106,7 +106,7 @@ class Description:
             z = rng.uniform(-size[2] / 2 + 0.7, size[2] / 2 - 1.2)
             # A millimetre above the floor, so that no two surfaces lie in one plane.
             middle = (x, sides[1] / 2 + 0.001, z)
-            self.box(f"box {number}", middle, sides, colour(rng), rotate=turn(rng))
+            self.box(f"box {number}", middle, sides, colour(rng), rotate=rotation(rng))
 
     def _add(self, kind: str, name: str | None, keys: Mapping[str, Any], **own: Any) -> Table:
         table = _plain({**({"name": name} if name else {}), **own, **keys})
@@ -127,8 +127,8 @@ def colour(rng: np.random.Generator) -> Vector:
     return COLOURS[rng.integers(len(COLOURS))]
 
 
-def turn(rng: np.random.Generator) -> list[float]:
-    """A turn about the vertical by up to a quarter either way, as a quaternion."""
+def rotation(rng: np.random.Generator) -> list[float]:
+    """A rotation about the vertical by up to a quarter either way, as a quaternion."""
     return [1.0, 0.0, round(float(rng.uniform(-1, 1)), DIGITS), 0.0]
 
 

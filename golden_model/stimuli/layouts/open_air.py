@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lightloom.golden_model.stimuli.layouts.description import GREY, WOOD, Description, colour, key, turn
+from lightloom.golden_model.stimuli.layouts.description import GREY, WOOD, Description, colour, key, rotation
 
 
 def village(rng: np.random.Generator) -> Description:
@@ -12,7 +12,7 @@ def village(rng: np.random.Generator) -> Description:
     for number in range(6):
         x, z = (number % 3 - 1) * 6 + rng.uniform(-1, 1), (number // 3 - 1) * 6 + rng.uniform(-1, 1)
         size = rng.uniform([2, 2, 2], [3.5, 5, 3.5])
-        out.box(f"house {number}", (x, size[1] / 2 + 0.001, z), size, colour(rng), rotate=turn(rng))
+        out.box(f"house {number}", (x, size[1] / 2 + 0.001, z), size, colour(rng), rotate=rotation(rng))
     path = [key(8, translate=(0, 0, 0)), key(40, translate=(-11, 0, 0))]
     out.box("cart", (6, 0.501, 3.4), (1.6, 1, 0.9), WOOD, path=path)
     out.tables["sky"] = {"radiance": [0.35, 0.5, 0.8]}

@@ -13,7 +13,7 @@ from lightloom.golden_model.stimuli.layouts.description import (
     Description,
     colour,
     key,
-    turn,
+    rotation,
 )
 
 DAYLIGHT, WARM = np.array([0.8, 1.0, 1.3]), np.array([1.3, 1.0, 0.65])
@@ -78,7 +78,7 @@ def _corridor(rng: np.random.Generator) -> tuple[Description, float]:
     out.quad("end", (x + arm, 0, far), (0, 0, width), (0, height, 0), WHITE)
     lamp = (x + arm * rng.uniform(0.55, 0.8), height - 0.04, (end + far) / 2)
     out.ceiling_lamp(lamp, 0.7, rng.uniform(40, 70) * WARM)
-    out.box("chest", (-x + 0.35, 0.301, end * 0.6), (0.6, 0.6, 0.8), colour(rng), rotate=turn(rng))
+    out.box("chest", (-x + 0.35, 0.301, end * 0.6), (0.6, 0.6, 0.8), colour(rng), rotate=rotation(rng))
     return out, arm
 
 
@@ -128,7 +128,7 @@ def meeting_boxes(rng: np.random.Generator) -> Description:
     out.ceiling_lamp((0, size[1] - 0.04, 0), 1.0, 16 * WARM)
     for number in range(10):
         middle = rng.uniform([-2.3, 0.1, -2.3], [2.3, 1.0, 0.6])
-        out.box(f"box {number}", middle, rng.uniform(0.4, 1.3, 3), colour(rng), rotate=turn(rng))
+        out.box(f"box {number}", middle, rng.uniform(0.4, 1.3, 3), colour(rng), rotate=rotation(rng))
     out.camera((0, 1.8, size[2] / 2 - 0.2), (0, 0.9, -1), 0.6)
     return out
 
@@ -185,6 +185,6 @@ def plain(rng: np.random.Generator) -> Description:
     for number in range(3):
         sides = rng.uniform(0.4, 1.0, 3)
         middle = (rng.uniform(-1.5, 1.5), sides[1] / 2 + 0.001, rng.uniform(-1.6, 0.4))
-        out.box(f"box {number}", middle, sides, colour(rng), rotate=turn(rng))
+        out.box(f"box {number}", middle, sides, colour(rng), rotate=rotation(rng))
     out.camera((0.2, 1.5, size[2] / 2 - 0.2), (0, 0.9, -1), 0.6)
     return out

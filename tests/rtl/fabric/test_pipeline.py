@@ -9,7 +9,7 @@ import pytest
 from amaranth import Module, Value
 
 from lightloom.rtl.config import Config
-from lightloom.rtl.fabric.pipeline import Core, StreamUnit, balanced_cuts, register, turns_of
+from lightloom.rtl.fabric.pipeline import Core, StreamUnit, balanced_cuts, register, slots_of
 from lightloom.rtl.intersection.ray_time import RayTime
 from tests.rtl.fabric.streams import Transfers, exchange
 from tests.rtl.fabric.toys import WIDTH, Multiply
@@ -45,7 +45,7 @@ def test_no_such_interval(interval: int) -> None:
 
 
 class Passing(Core):
-    """Gives its first operand back after `latency` cycles, but only what it was given in turn 0; else ones."""
+    """Gives its first operand back after `latency` cycles, but only what it was given in slot 0; else ones."""
 
     def __init__(self, latency: int, interval: int):
         super().__init__(Multiply.unit_of(), latency, interval=interval)
@@ -54,7 +54,7 @@ class Passing(Core):
         m = Module()
         value: Value = self.i.a
         if self.initiation_interval > 1:
-            value = value | (~turns_of(self.phase)[0]).replicate(WIDTH)
+            value = value | (~slots_of(self.phase)[0]).replicate(WIDTH)
         for stage in range(self.latency):
             value = register(m, self.en, value, f"stage{stage}")
         m.d.comb += self.o.z.eq(value)

@@ -22,7 +22,7 @@ def placed(interval: int, wanted: Sequence[tuple[str, int, str | None]]) -> tupl
 
 @pytest.mark.parametrize("interval", range(1, 33))
 def test_places_of_random_operations(interval: int) -> None:
-    """No turn of a core is given twice, none was free earlier, and there are no more cores than needed."""
+    """No slot of a core is given twice, none was free earlier, and there are no more cores than needed."""
     rng = random.Random(SEED + interval)
     kinds = [rng.choice("abc") for _ in range(rng.randint(1, 70))]
     wanted = [(kind, rng.randint(0, 50), None) for kind in kinds]
@@ -33,11 +33,11 @@ def test_places_of_random_operations(interval: int) -> None:
         assert place.kind == kind
         assert 0 <= place.number < cores
         assert place.time >= ready
-        turns = [(number, time % interval) for time in range(ready, place.time) for number in range(cores)]
-        assert set(turns) <= taken[kind], f"seed {SEED + interval}: {place} might have been earlier"
-        turn = (place.number, place.time % interval)
-        assert turn not in taken[kind], f"seed {SEED + interval}: {place}"
-        taken[kind].add(turn)
+        slots = [(number, time % interval) for time in range(ready, place.time) for number in range(cores)]
+        assert set(slots) <= taken[kind], f"seed {SEED + interval}: {place} might have been earlier"
+        slot = (place.number, place.time % interval)
+        assert slot not in taken[kind], f"seed {SEED + interval}: {place}"
+        taken[kind].add(slot)
         assert schedule.shares(kind) == (interval > 1 and kinds.count(kind) > 1)
 
 
@@ -49,7 +49,7 @@ def test_each_its_own_core_until_all_are_counted() -> None:
 
 def test_an_operation_too_many() -> None:
     schedule, _ = placed(2, [("a", 0, None)] * 4)
-    with pytest.raises(AssertionError, match="2 cores of a have no turn left"):
+    with pytest.raises(AssertionError, match="2 cores of a have no slot left"):
         schedule.place("a", 0)
 
 
@@ -66,9 +66,9 @@ def load(interval: int, products: int, differences: int) -> tuple[int, int]:
     ("interval", "products", "differences", "cores"),
     [
         (1, 13, 3, (13, 3)),
-        (2, 13, 3, (6, 2)),  # one product goes where a turn is free
+        (2, 13, 3, (6, 2)),  # one product goes where a slot is free
         (2, 13, 4, (7, 2)),  # none is free
-        (2, 12, 3, (6, 2)),  # a free turn saves nothing
+        (2, 12, 3, (6, 2)),  # a free slot saves nothing
         (8, 13, 3, (1, 1)),
         (8, 13, 4, (2, 1)),  # four are free, but five would have to go
         (16, 13, 3, (0, 1)),
