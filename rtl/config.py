@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Self
 
+from lightloom.golden_model.contract.interfaces import Unit
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.parameters import Parameter, parameters
 from lightloom.rtl.blocks import (
@@ -93,6 +94,12 @@ PLACES: Mapping[str, tuple[str, str]] = _places()
 
 PARAMETERS: dict[str, Parameter] = {name: _declared(name) for name in PLACES}
 """Every parameter of the hardware, by its flat name."""
+
+
+def parameters_of(unit: Unit) -> list[str]:
+    """The parameters that a unit's hardware depends on, by their flat names."""
+    known = {"streams", *unit.config}
+    return [name for name, (block, inside) in PLACES.items() if not known.isdisjoint({block, f"{block}.{inside}"})]
 
 
 PRESETS: dict[str, Config] = {

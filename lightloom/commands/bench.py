@@ -7,9 +7,10 @@ from typing import Annotated, Any
 import typer
 
 from lightloom.bench.suite import BENCHMARKS, Sizes, summary
+from lightloom.golden_model.contract.interfaces import UNITS
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.parameters import described
-from lightloom.rtl.config import PARAMETERS
+from lightloom.rtl.config import PARAMETERS, parameters_of
 from lightloom.shared.inputs import at_least, choose, whole_numbers
 from lightloom.shared.options import Json
 
@@ -21,7 +22,11 @@ NUMBERS: dict[str, Sequence[int]] = {
     "latency": range(65536),
 }
 """What the numbers of the options of `traversal` may be."""
-SETTABLE = [name for name in PARAMETERS if name not in (*NUMBERS, "tag_width")]
+VECTORS, RAYS = {"ray-triangle"}, {"tracing", TRAVERSAL}
+"""The benchmarks whose size is that of --vectors, and of --rays."""
+KNOWN = parameters_of(UNITS[TRAVERSAL])
+"""What the traversal unit depends on."""
+SETTABLE = [name for name in KNOWN if name not in (*NUMBERS, "tag_width")]
 """What --set may set: the tag is as wide as it has to be."""
 
 
@@ -34,8 +39,9 @@ def bench(
         list[str] | None, typer.Argument(metavar="NAME", help="Benchmarks; all but `traversal` if none is given.")
     ] = None,
     vectors: Annotated[
-        int, typer.Option("--vectors", metavar="N", help="Operands through the Verilated unit.")
-    ] = _DEFAULT.vectors,
+        int | None,
+        typer.Option("--vectors", metavar="N", help=f"Operands through the Verilated unit; else {_DEFAULT.vectors}."),
+    ] = None,
     rays: Annotated[
         int | None,
         typer.Option(
@@ -77,13 +83,19 @@ def bench(
     chosen = [choose(name, [*BENCHMARKS, TRAVERSAL], "benchmark") for name in dict.fromkeys(names or BENCHMARKS)]
     if rays is not None:
         at_least(rays, 1, "--rays")
-    sizes = Sizes(vectors=at_least(vectors, 1, "--vectors"), rays=rays or _DEFAULT.rays)
+    if vectors is not None:
+        at_least(vectors, 1, "--vectors")
+    sizes = Sizes(vectors=vectors or _DEFAULT.vectors, rays=rays or _DEFAULT.rays)
     numbers = {"width": width, "contexts": contexts, "latency": latency, "units": units}
     sweep = _sweep(scene, rays, preset, settings or [], full, **numbers)
     if TRAVERSAL not in chosen:
         others = {"scene": scene, "preset": preset != _PRESET, "set": settings, "full": full}
         for option in [name for name, given in (numbers | others).items() if given]:
             raise InputError(f"--{option}: is for the benchmark `{TRAVERSAL}`; name it, or leave the option out")
+    for option, given, users in (("vectors", vectors, VECTORS), ("rays", rays, RAYS)):
+        if given is not None and users.isdisjoint(chosen):
+            named = " or ".join(f"`{name}`" for name in sorted(users))
+            raise InputError(f"--{option}: is for the benchmark {named}; name it, or leave the option out")
     rows: list[dict[str, Any]] = []
     report: dict[str, Any] = {"results": rows}
     with Progress() as progress:
@@ -119,6 +131,10 @@ def _sweep(
     given: dict[str, Any] = {"preset": choose(preset, PRESETS, "preset")}
     if settings:
         given["settings"] = tuple(_setting(text) for text in settings)
+        names = [name for name, _ in given["settings"]]
+        for name in names:
+            if names.count(name) > 1:
+                raise InputError(f"--set {name}: is given {names.count(name)} times; give it once")
     if scenes:
         given["scenes"] = tuple(dict.fromkeys(scenes))
     if rays is not None:
@@ -139,6 +155,8 @@ def _setting(text: str) -> tuple[str, int]:
     name, equals, value = text.partition("=")
     if name in NUMBERS:
         raise InputError(f"--set {text}: {name} has an option of its own; give it as --{name} {value}".rstrip())
+    if name in PARAMETERS and name not in KNOWN:
+        raise InputError(f"--set {text}: the unit `{TRAVERSAL}` does not depend on {name}; leave it out")
     if name in PARAMETERS and name not in SETTABLE:
         raise InputError(f"--set {text}: {name} is not to be set; it follows from the others")
     choose(name, SETTABLE, "parameter")

@@ -9,7 +9,7 @@ import numpy as np
 from lightloom.gen.manifest import manifest
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.interfaces import UNITS, Unit
-from lightloom.rtl.config import PLACES, PRESETS
+from lightloom.rtl.config import PRESETS, parameters_of
 
 PREAMBLE = """\
 # Units
@@ -41,12 +41,6 @@ def _unit(unit: Unit) -> Iterator[str]:
             ["port", "role", "bits", "is"],
             [[f"`{port['name']}`", port["role"], port["width"], port["meaning"]] for port in ports],
         )
-
-
-def parameters_of(unit: Unit) -> list[str]:
-    """The parameters that a unit's hardware depends on, by their flat names."""
-    known = {"streams", *unit.config}
-    return [name for name, (block, field) in PLACES.items() if not known.isdisjoint({block, f"{block}.{field}"})]
 
 
 def _timing(described: dict[str, dict[str, Any]]) -> str:

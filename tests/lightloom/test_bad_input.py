@@ -166,6 +166,8 @@ def test_render_options(cli: Run, tmp_path: Path, room: Path, options: list[str]
         (["layout", "flot_add", "--pdk-root", "."], ["flot_add", "float_add"]),
         (["bench", "traceing"], ["traceing", "tracing"]),
         (["bench", "--rays", "0"], ["--rays 0"]),
+        (["bench", "frames", "emission", "--rays", "9"], ["--rays", "`tracing`"]),
+        (["bench", "traversal", "--vectors", "9"], ["--vectors", "`ray-triangle`"]),
         (["demo", "--frames", "0"], ["--frames 0"]),
         (["demo", "--budget", "71"], ["--budget 71", "72 rays"]),
         (["demo", "--replay-limit", "0"], ["--replay-limit 0"]),

@@ -13,7 +13,7 @@ from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.stimuli.ray_families import diffuse_rays
 from lightloom.golden_model.tracing.wide_bvh.encode import build_wide
 from lightloom.golden_model.tracing.wide_bvh.traversal import queries_of
-from lightloom.rtl.config import PARAMETERS, PRESETS, Config
+from lightloom.rtl.config import PARAMETERS, PLACES, PRESETS, Config
 from lightloom.sim.traversal import TraversalUnit
 
 from .conftest import Run
@@ -125,6 +125,8 @@ def test_the_full_sweep_has_all_that_the_quick_one_has() -> None:
         (["--set", "stack=0"], ["--set stack=0: stack 0: must be 4 to 64"]),
         (["--set", "multiplier_blocks=2"], ["multiplier_blocks 2: must be False or True"]),
         (["--set", "tag_width=8"], ["--set tag_width=8: tag_width is not to be set"]),
+        (["--set", "texel_blend_interval=4"], ["--set texel_blend_interval=4", "`traversal` does not depend on"]),
+        (["--set", "stack=8", "--set", "stack=16"], ["--set stack", "2 times"]),
         (["--set", "node_set=8"], ["parameter 'node_set'", "node_sets"]),
         (["--rays", "0"], ["--rays 0", "at least 1"]),
         (["--scene", "no-such-scene.obj"], ["no-such-scene.obj"]),
@@ -165,4 +167,6 @@ def test_the_help_has_every_range(cli: Run) -> None:
     for name, each in PARAMETERS.items():
         if name in SETTABLE:
             assert re.search(rf"^ *{name} +{re.escape(each.allowed)}$", shown, re.MULTILINE), name
-    assert {*PARAMETERS} - {*SETTABLE} == {"tag_width", "width", "contexts", "units"}
+    others = {name for name, (block, _) in PLACES.items() if block == "texel"}
+    assert {*PARAMETERS} - {*SETTABLE} == {"tag_width", "width", "contexts", "units"} | others
+    assert not [name for name in others if name in shown]
