@@ -2,10 +2,15 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lightloom.golden_model.host.outputs import whole_folder
 from lightloom.shared.console import Progress, json_text
+
+if TYPE_CHECKING:
+    from lightloom.golden_model.maintenance.sampling.settings import Sampling
+    from lightloom.golden_model.scene.scene import Scene
+    from lightloom.golden_model.tracing.recorder import TestRecorder
 
 UNIT = "ray_triangle"
 PRESET = "base"
@@ -42,13 +47,12 @@ def demo(options: DemoOptions, out: Path, progress: Progress) -> dict[str, Any]:
     """Writes the demo's folder, whole or not at all, and returns what is in its report.json."""
     from lightloom.gen.pages.report import report_page
     from lightloom.golden_model.maintenance.sampling.settings import Sampling
-    from lightloom.golden_model.renderer import Renderer
     from lightloom.golden_model.scene.files.load import load_scene
     from lightloom.golden_model.tracing.bvh.traversal import backend_of
     from lightloom.golden_model.tracing.recorder import TestRecorder
     from lightloom.hardware.describe import emit_units
     from lightloom.hardware.replay import replay
-    from lightloom.render.sequence import Pictures, contact_sheet, looped, render_sequence
+    from lightloom.render.sequence import looped
     from lightloom.rtl.catalogue import CATALOGUE
     from lightloom.rtl.config import PRESETS
     from lightloom.shared.provenance import machine, versions
@@ -61,21 +65,7 @@ def demo(options: DemoOptions, out: Path, progress: Progress) -> dict[str, Any]:
     verilator(), compiler()  # what is missing is better known before the render than after it
     with whole_folder(out) as folder:
         recorder = TestRecorder(options.replay_limit, options.seed)
-        with progress.stage("Charts and first light"):
-            renderer = Renderer(
-                scene,
-                width=options.width * options.supersample,
-                height=options.height * options.supersample,
-                budget=options.budget,
-                seed=options.seed,
-                sampling=sampling,
-                recorder=recorder,
-            )
-        with progress.stage("Frames", options.frames) as advance:
-            pictures = Pictures(supersample=options.supersample)
-            rendered = render_sequence(renderer, options.frames, folder, pictures, advance)
-            contact_sheet(folder).save(folder / "contact-sheet.png")
-
+        rendered = _rendered(options, scene, sampling, recorder, folder, progress)
         units = list(CATALOGUE)
         with progress.stage("Verilog of all units", len(units)) as advance:
             emitted = emit_units(units, PRESET, folder / "verilog", advance)
@@ -107,3 +97,32 @@ def demo(options: DemoOptions, out: Path, progress: Progress) -> dict[str, Any]:
             (folder / "report.json").write_text(json_text(report))
             (folder / "report.html").write_text(report_page(report, folder), encoding="utf-8")
     return report
+
+
+def _rendered(
+    options: DemoOptions,
+    scene: "Scene",
+    sampling: "Sampling",
+    recorder: "TestRecorder",
+    folder: Path,
+    progress: Progress,
+) -> dict[str, Any]:
+    """Renders the frames into the folder, while the recorder takes down tests; the figures of the render."""
+    from lightloom.golden_model.renderer import Renderer
+    from lightloom.render.sequence import Pictures, contact_sheet, render_sequence
+
+    with progress.stage("Charts and first light"):
+        renderer = Renderer(
+            scene,
+            width=options.width * options.supersample,
+            height=options.height * options.supersample,
+            budget=options.budget,
+            seed=options.seed,
+            sampling=sampling,
+            recorder=recorder,
+        )
+    with progress.stage("Frames", options.frames) as advance:
+        pictures = Pictures(supersample=options.supersample)
+        rendered = render_sequence(renderer, options.frames, folder, pictures, advance)
+        contact_sheet(folder).save(folder / "contact-sheet.png")
+    return rendered

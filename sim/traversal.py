@@ -113,17 +113,6 @@ class TraversalUnit:
         """
         if queries.dtype != RAY_QUERY:
             raise TypeError(f"queries are of dtype RAY_QUERY, not {queries.dtype}")
-        image = np.ascontiguousarray(blocks, dtype="<u4").tobytes()
-        if base + len(image) > self.system.memory_bytes:
-            raise InputError(
-                f"a tree of {len(image):,} bytes at {base:,} is more than the simulated memory holds, "
-                f"{self.system.memory_bytes:,}; use a smaller scene"
-            )
-        errors: dict[str, int] = {}
-        if bad_blocks is not None:
-            first, last = bad_blocks
-            errors = {"error_enable": 1, "error_first": base + first * BLOCK_BYTES}
-            errors |= {"error_last": base + (last + 1) * BLOCK_BYTES - 1}
         run = self.system.run(
             queries,
             controls={
@@ -139,9 +128,9 @@ class TraversalUnit:
                 interleave=int(interleave),
                 stall=memory_stall,
                 seed=seed,
-                **errors,
+                **_errors(base, bad_blocks),
             ),
-            content=Content(base=base, image=image),
+            content=self._content(base, blocks),
             stall_seed=stall_seed,
             # A ray may visit every block several times, one after the other.
             patience=1_000_000 + 8 * len(blocks) * (1000 + latency),
@@ -157,3 +146,25 @@ class TraversalUnit:
             most_in_flight=run.most_in_flight,
             throughput=run.throughput,
         )
+
+    def _content(self, base: int, blocks: np.ndarray) -> Content:
+        """A tree from `base` on. Raises InputError where it is larger than the memory."""
+        image = np.ascontiguousarray(blocks, dtype="<u4").tobytes()
+        if base + len(image) > self.system.memory_bytes:
+            raise InputError(
+                f"a tree of {len(image):,} bytes at {base:,} is more than the simulated memory holds, "
+                f"{self.system.memory_bytes:,}; use a smaller scene"
+            )
+        return Content(base=base, image=image)
+
+
+def _errors(base: int, blocks: tuple[int, int] | None) -> dict[str, int]:
+    """The memory's inputs with which it answers with an error for the first to the last of some blocks."""
+    if blocks is None:
+        return {}
+    first, last = blocks
+    return {
+        "error_enable": 1,
+        "error_first": base + first * BLOCK_BYTES,
+        "error_last": base + (last + 1) * BLOCK_BYTES - 1,
+    }

@@ -319,6 +319,63 @@ def test_every_signal_has_a_line_of_its_own() -> None:
     assert not wrong, "\n".join(wrong)
 
 
+FILE_LINES = 600
+"""Of a file at most."""
+LINES = 60
+"""Of a function at most, with its docstring; of a command without its options and its help, which are a page."""
+LONG = {
+    **dict.fromkeys(
+        (
+            "gen/formal/best_hits.py:distance",
+            "gen/formal/counting.py:fill",
+            "gen/formal/lines.py:lines",
+            "gen/formal/stream_units.py:handshake",
+            "gen/formal/write_arbiter.py:aborts",
+        ),
+        "a proof: surroundings, a history and what must hold are said over the same signals",
+    ),
+    **dict.fromkeys(
+        (
+            "golden_model/tracing/bvh/traversal_numba.py:trace_rays",
+            "golden_model/tracing/wide_bvh/traversal_numba.py:trace_rays",
+        ),
+        "compiled: one loop, whose state has to stay in registers",
+    ),
+    "gen/formal/writer.py:properties": "a table",
+    "gen/flow/layout.py:place_and_route": "the commands of a tool, one after the other",
+    "golden_model/renderer.py:__init__": "a field a line, and its options",
+    "golden_model/tracing/bvh/build.py:build": "one loop over the levels of a tree",
+    "sim/runner.py:run_cocotb": "options, most of which are handed on, and what they mean",
+    "tests/gen/test_policies_page.py:made_up": "a report, as a table",
+    "tests/rtl/registers/test_front.py:test_software_and_streams_share_a_unit": "two testbenches beside each other",
+    "tests/rtl/registers/test_register_block.py:test_reads_and_writes_at_random": "two testbenches beside each other",
+    "verif/benches/test_leaf_stage.py:run": "a cycle of a bench: port by port, over the same state",
+}
+"""Longer functions, each of which is best read whole, and why."""
+
+
+def test_functions_are_short() -> None:
+    found = {}
+    for path in (*modules().values(), *sources("tests"), *sources("examples"), *ROOT.glob(".ci/*.py")):
+        for node in ast.walk(syntax(path)):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                is_command = path.parent == ROOT / "lightloom" / "commands" and not node.name.startswith("_")
+                begin = node.body[ast.get_docstring(node) is not None].lineno if is_command else node.lineno
+                found[f"{path.relative_to(ROOT)}:{node.name}"] = (node.end_lineno or begin) - begin + 1
+    long = {name: lines for name, lines in found.items() if lines > LINES}
+    assert {name: long[name] for name in long.keys() - LONG.keys()} == {}, "split them, or say why not"
+    assert sorted(LONG.keys() - long.keys()) == [], "these are short now"
+
+
+def test_files_are_short() -> None:
+    long = {
+        str(path.relative_to(ROOT)): lines
+        for path in (*modules().values(), *sources("tests"))
+        if (lines := path.read_text(encoding="utf-8").count("\n")) > FILE_LINES
+    }
+    assert long == {}
+
+
 # Results that depend on the host's processor or libraries have no place in the model's arithmetic.
 HOST_DEPENDENT = re.compile(
     r"np\.(dot|matmul|einsum|inner|vdot|tensordot|a?sinh?|a?cosh?|a?tanh?|arc\w+|hypot|cbrt|exp2?|expm1|log\d*|log1p"

@@ -1,12 +1,16 @@
 """`lightloom compare`."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lightloom.golden_model.host.errors import InputError
 from lightloom.shared.options import Json
+
+if TYPE_CHECKING:
+    from lightloom.shared.difference import Difference
 
 
 def compare(
@@ -47,7 +51,7 @@ def compare(
         raise InputError(f"{a} is {kinds[0]} and {b} is {kinds[1]}; compare two of one kind")
 
     from lightloom.golden_model.host.outputs import whole_folder
-    from lightloom.shared.console import json_text, print_json, print_table
+    from lightloom.shared.console import json_text, print_json
     from lightloom.shared.difference import compare_arrays, compare_folders, compare_pictures
 
     if kinds[0] == "a folder":
@@ -69,24 +73,29 @@ def compare(
     if json:
         print_json(report)
     else:
-        columns = ["", "bits", "values", "differing", "relative MSE", "energy ratio", "FLIP", "first difference (A, B)"]
-        print_table(
-            f"{a} against {b}" + ("" if kinds[0] == "an .npz file" else ", all pixels, lamps in view included"),
-            columns,
-            [
-                [
-                    d.name,
-                    "same" if d.identical else "differ",
-                    d.values,
-                    d.differing,
-                    *("" if x is None else x for x in (d.relative_mse, d.energy_ratio, d.flip)),
-                    _first(d.first) or d.note,
-                ]
-                for d in differences
-            ],
-        )
+        pixels = "" if kinds[0] == "an .npz file" else ", all pixels, lamps in view included"
+        _show(f"{a} against {b}{pixels}", differences)
     if not identical:
         raise typer.Exit(1)
+
+
+def _show(title: str, differences: "Sequence[Difference]") -> None:
+    """The table of some differences, a row each."""
+    from lightloom.shared.console import print_table
+
+    columns = ["", "bits", "values", "differing", "relative MSE", "energy ratio", "FLIP", "first difference (A, B)"]
+    rows = [
+        [
+            d.name,
+            "same" if d.identical else "differ",
+            d.values,
+            d.differing,
+            *("" if x is None else x for x in (d.relative_mse, d.energy_ratio, d.flip)),
+            _first(d.first) or d.note,
+        ]
+        for d in differences
+    ]
+    print_table(title, columns, rows)
 
 
 def _kind(path: Path) -> str:

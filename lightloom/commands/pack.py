@@ -54,13 +54,11 @@ def pack(
                 tree = widen(build(triangles, leaf_size=1), width=width)
             file.write(image := pack_image({"bvh": tree.blocks}))
     visits, tests = tree.expected_visits
-    header = tree.header
+    counts = {name: int(tree.header[name]) for name in ("triangles", "nodes", "triangle_blocks", "levels")}
     summary = {
-        "triangles": int(header["triangles"]),
+        "triangles": counts.pop("triangles"),
         "width": width,
-        "nodes": int(header["nodes"]),
-        "triangle_blocks": int(header["triangle_blocks"]),
-        "levels": int(header["levels"]),
+        **counts,
         "bytes": len(image),
         "node_visits": visits,
         "triangle_tests": tests,

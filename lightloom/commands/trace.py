@@ -1,12 +1,15 @@
 """`lightloom trace`."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lightloom.shared.inputs import choose
 from lightloom.shared.options import Json, Scene, npz
+
+if TYPE_CHECKING:
+    import numpy as np
 
 TRACERS = ("golden", "rtl")
 HITS = ("primitive", "t", "u", "v")
@@ -54,20 +57,13 @@ def trace(
     """
     choose(tracer, TRACERS, "tracer")
 
-    import numpy as np
-
-    from lightloom.golden_model.contract.formats import RAY
     from lightloom.golden_model.host.outputs import whole_file
     from lightloom.golden_model.scene.files.load import load_scene
     from lightloom.hardware.tracers import golden_tracer, rtl_tracer
     from lightloom.shared.console import Progress, print_json, print_table
-    from lightloom.shared.inputs import read_arrays, save_arrays
+    from lightloom.shared.inputs import save_arrays
 
-    arrays = read_arrays(rays, RAYS, "--rays")
-    batch = np.zeros(len(arrays["t_min"]), dtype=RAY)
-    for name, values in arrays.items():
-        batch[name] = values
-
+    batch = _rays(rays)
     stage = f"{len(batch):,} rays"
     with Progress() as progress:
         with progress.stage("Scene"):
@@ -93,3 +89,17 @@ def trace(
         print_json(summary)
     else:
         print_table("Traced", [name.replace("_", " ") for name in summary], [list(summary.values())])
+
+
+def _rays(path: Path) -> "np.ndarray":
+    """RAY (N,) of a file. Raises InputError where it holds no such thing."""
+    import numpy as np
+
+    from lightloom.golden_model.contract.formats import RAY
+    from lightloom.shared.inputs import read_arrays
+
+    arrays = read_arrays(path, RAYS, "--rays")
+    batch = np.zeros(len(arrays["t_min"]), dtype=RAY)
+    for name, values in arrays.items():
+        batch[name] = values
+    return batch

@@ -79,24 +79,34 @@ def compare(
     true = {} if rest is None else _true(scene, results, renderers, rest, options, progress)
     with progress.stage("Film and timelines"):
         judge.write_film()
-        # Frames follow each other as fast as they are done, so that their times tell what they cost.
-        full = renderers[options.full]
-        early = full.machine.early_selection
-        free = Machine(refresh_cycles=0, versions=full.pipeline.versions, early_selection=early)
-        plans = {name: schedule(free, each) for name, each in counts.items()}
+        plans = _plans(renderers[options.full], counts)
         drawn = _write_timeline(plans[options.full], options, folder)
     return comparison_report(scene, lightmaps, options, renderers, rows, plans, lags, true) | {
         "timeline_frames": drawn,
         "exposure": judge.exposure,
-        "reference": {
-            "rays": options.reference_rays,
-            "every": options.reference_every,
-            "frames": options.compared,
-            "noise": judge.noise,
-            "true_samples": options.true_samples,
-            "true_frame": rest,
-        },
+        "reference": _reference(options, judge, rest),
     }
+
+
+def _reference(options: Comparison, judge: Judge, rest: int | None) -> dict[str, Any]:
+    """What the frames were held against."""
+    return {
+        "rays": options.reference_rays,
+        "every": options.reference_every,
+        "frames": options.compared,
+        "noise": judge.noise,
+        "true_samples": options.true_samples,
+        "true_frame": rest,
+    }
+
+
+def _plans(full: Renderer, counts: Mapping[str, list[FrameCounts]]) -> dict[str, Schedule]:
+    """The time of every policy's frames, on a machine like that of the renderer `full`.
+
+    Frames follow each other as fast as they are done, so that their times tell what they cost.
+    """
+    free = Machine(refresh_cycles=0, versions=full.pipeline.versions, early_selection=full.machine.early_selection)
+    return {name: schedule(free, each) for name, each in counts.items()}
 
 
 def _write_timeline(plan: Schedule, options: Comparison, folder: Path) -> list[int]:

@@ -21,6 +21,7 @@ from lightloom.render.policy_pictures import (
     ERROR_RANGE,
     QUANTITIES,
     UNKNOWN_AGE,
+    Quantity,
     ages,
     error_legend,
     legend,
@@ -96,22 +97,6 @@ def comparison_report(
         for measure in MEASURES:
             mine, other = figures[measure], base[measure]
             figures[f"{measure}_ratio"] = mine / other if mine is not None and other else None
-    before = None
-    policies = []
-    for name in options.policies:
-        policy = POLICIES[name]
-        policies.append(
-            {
-                "name": name,
-                "about": ABOUT.get(name, ""),
-                "before": before,
-                "changes": changed_parameters(policy, POLICIES[before] if before else None),
-                "summary": summaries[name]
-                | {"first_rays": renderers[name].priming_rays, "machine_seconds": machine_seconds(plans[name])},
-                "frames": rows[name],
-            }
-        )
-        before = name
     return {
         "scene": scene.name,
         "triangles": len(scene.triangles),
@@ -126,24 +111,29 @@ def comparison_report(
         "key_frames": options.shown,
         "few_counted": few_counted(rows[options.full]),
         "rays_an_update": rays_an_update,
-        "policies": policies,
+        "policies": [
+            {
+                "name": name,
+                "about": ABOUT.get(name, ""),
+                "before": before,
+                "changes": changed_parameters(POLICIES[name], POLICIES[before] if before else None),
+                "summary": summaries[name]
+                | {"first_rays": renderers[name].priming_rays, "machine_seconds": machine_seconds(plans[name])},
+                "frames": rows[name],
+            }
+            for before, name in zip((None, *options.policies), options.policies, strict=False)
+        ],
         "parameters": parameters(POLICIES[options.full]),
         "error_scale": {"range": ERROR_RANGE, "floor": ERROR_FLOOR, "colours": error_legend()},
-        "quantities": [
-            {
-                "name": quantity.name,
-                "title": quantity.title,
-                "about": quantity.about,
-                "low": quantity.low,
-                "high": quantity.high,
-                "unit": quantity.unit,
-                "open": quantity.open,
-                "labels": list(quantity.labels),
-                "colours": legend(quantity),
-            }
-            for quantity in QUANTITIES
-        ],
+        "quantities": [_described(quantity) for quantity in QUANTITIES],
     }
+
+
+def _described(quantity: Quantity) -> dict[str, Any]:
+    """What the page says of a quantity of texels."""
+    names = ("name", "title", "about", "low", "high", "unit", "open")
+    shown = {name: getattr(quantity, name) for name in names}
+    return {**shown, "labels": list(quantity.labels), "colours": legend(quantity)}
 
 
 def frames_a_turn(visible: int, options: Comparison) -> float:

@@ -113,10 +113,15 @@ def render_sequence(
     plan = schedule(renderer.machine, counts)
     (folder / "timeline.svg").write_text(timeline(plan, *_last_frames(plan)), encoding="utf-8")
     assert exposure is not None
-    if clipped := renderer.priming_clipped + sum(row["clipped"] for row in rows):
-        warn(f"{clipped} samples and texels were brighter than the lightmaps hold, so the picture is too dark there")
-    if clipped := sum(row["frame_rays"]["clipped"] for row in rows):
-        warn(f"{clipped} rays of pixels brought more light than the formats hold, so the picture is too dark there")
+    _warn_of_clipped(renderer, rows)
+    report = _report(renderer, pictures, exposure, rows, plan)
+    return report | {"lightmap_frames": sorted(keep), "frame_seconds": dict(seconds)}
+
+
+def _report(
+    renderer: Renderer, pictures: Pictures, exposure: float, rows: list[dict[str, Any]], plan: Schedule
+) -> dict[str, Any]:
+    """What was rendered, with which options, and what came out."""
     return {
         "scene": renderer.scene.name,
         "triangles": len(renderer.scene.triangles),
@@ -136,9 +141,15 @@ def render_sequence(
         "machine_time": _machine_time(plan),
         "frames": rows,
         "lightmap": lightmap_figures(renderer.lightmaps, renderer.state),
-        "lightmap_frames": sorted(keep),
-        "frame_seconds": dict(seconds),
     }
+
+
+def _warn_of_clipped(renderer: Renderer, rows: list[dict[str, Any]]) -> None:
+    """Says what was brighter than the formats hold."""
+    if clipped := renderer.priming_clipped + sum(row["clipped"] for row in rows):
+        warn(f"{clipped} samples and texels were brighter than the lightmaps hold, so the picture is too dark there")
+    if clipped := sum(row["frame_rays"]["clipped"] for row in rows):
+        warn(f"{clipped} rays of pixels brought more light than the formats hold, so the picture is too dark there")
 
 
 def _view(renderer: Renderer, result: FrameResult, name: str, pixels: int) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Watertight ray-triangle intersection; `golden_model.tracing.ray_triangle` explains it."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 from amaranth import Array, Mux, Value
@@ -34,21 +35,10 @@ class RayTriangle(DataflowCore):
         t_max: Node,
     ) -> Mapping[str, Any]:
         f = FloatFlow(flow, config.operators)
-        sx, sy, sz = shear
-
-        # The axes are permuted after the vertex is moved to the origin: the origin then needs no multiplexers.
         kx = flow.logic("kx", lambda axis, flip: Mux(flip, previous_axis(axis), next_axis(axis)), axis, flip)
         ky = flow.logic("ky", lambda axis, flip: Mux(flip, next_axis(axis), previous_axis(axis)), axis, flip)
 
-        def sheared(name: str, vertex: list[Node]) -> tuple[Node, Node, Node]:
-            moved = [f.subtract(f"{name}_moved{k}", vertex[k], origin[k]) for k in range(3)]
-            x, y, z = (flow.logic(f"{name}_{k.name}", select, k, *moved) for k in (kx, ky, axis))
-            return (
-                f.subtract(f"{name}x", x, f.multiply(f"{name}_sx_z", sx, z)),
-                f.subtract(f"{name}y", y, f.multiply(f"{name}_sy_z", sy, z)),
-                z,
-            )
-
+        sheared = partial(_sheared, flow, f, origin, shear, (kx, ky, axis))
         ax, ay, az = sheared("a", v0)
         bx, by, bz = sheared("b", v1)
         cx, cy, cz = sheared("c", v2)
@@ -66,7 +56,7 @@ class RayTriangle(DataflowCore):
         inverse = reciprocal(flow, config, "reciprocal", determinant, sign)
         depth_ab = f.add("depth_ab", f.multiply("depth_a", edge_a, az), f.multiply("depth_b", edge_b, bz))
         depth = f.add("depth", depth_ab, f.multiply("depth_c", edge_c, cz))
-        t = f.multiply("t", f.multiply("distance", depth, sz), inverse)
+        t = f.multiply("t", f.multiply("distance", depth, shear[2]), inverse)
         u = f.multiply("u", edge_b, inverse)
         v = f.multiply("v", edge_c, inverse)
 
@@ -85,6 +75,29 @@ class RayTriangle(DataflowCore):
             "hit": hit,
             "front": flow.logic("front", lambda hit, positive: hit & positive, hit, positive),
         }
+
+
+def _sheared(
+    flow: Dataflow,
+    f: FloatFlow,
+    origin: list[Node],
+    shear: list[Node],
+    axes: tuple[Node, Node, Node],
+    name: str,
+    vertex: list[Node],
+) -> tuple[Node, Node, Node]:
+    """A vertex in the space in which the ray goes along z; its z is not scaled.
+
+    The axes are permuted after the vertex is moved to the origin: the origin then needs no multiplexers.
+    """
+    sx, sy, _ = shear
+    moved = [f.subtract(f"{name}_moved{k}", vertex[k], origin[k]) for k in range(3)]
+    x, y, z = (flow.logic(f"{name}_{k.name}", select, k, *moved) for k in axes)
+    return (
+        f.subtract(f"{name}x", x, f.multiply(f"{name}_sx_z", sx, z)),
+        f.subtract(f"{name}y", y, f.multiply(f"{name}_sy_z", sy, z)),
+        z,
+    )
 
 
 class RayTriangleHalf(RayTriangle):

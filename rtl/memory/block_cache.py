@@ -11,6 +11,8 @@ other is given a line of its set and starts a read.
                                      m_axi.r --> fill ---+
 """
 
+from typing import NamedTuple
+
 from amaranth import Cat, Module, Mux, Signal, Value
 from amaranth.lib import data, stream, wiring
 from amaranth.lib.wiring import In, Out
@@ -27,6 +29,18 @@ from lightloom.rtl.memory.waiters import Waiters
 CALM, CROWD = 2, 8
 """Reads that wait for the memory port: prefetches start while there are fewer than CALM, and from CROWD on the memory
 does not keep up."""
+
+
+class _Parts(NamedTuple):
+    """What a cache is made of, in the order in which requests come by."""
+
+    requests: BlockRequests
+    lines: BlockLines
+    misses: FreeList
+    waiters: Waiters
+    fill: BlockFill
+    answers: BlockAnswers
+    addresses: PassingQueue
 
 
 class BlockCache(wiring.Component):
@@ -119,36 +133,9 @@ class BlockCache(wiring.Component):
         wiring.connect(m, waiters.o, answers.waited)
         wiring.connect(m, answers.o, wiring.flipped(self.o))
 
-        # What becomes of a request.
+        parts = _Parts(requests, lines, misses, waiters, fill, answers, addresses)
+        hit, merge, miss = self._outcome(m, parts)
         request = requests.o.payload
-        asked = Signal()  # by somebody who waits for the answer
-        hit = Signal()
-        merge = Signal()
-        may_miss = Signal()
-        miss = Signal()
-        m.d.comb += [
-            asked.eq(requests.o.valid & ~request.is_prefetch),
-            # Without a number for another read, blocks that are not there are answered with an error at once.
-            answers.hit.valid.eq(asked & Mux(lines.found, ~lines.awaited, fill.lost)),
-            answers.hit.payload.line.eq(lines.line),
-            answers.hit.payload.error.eq(~lines.found),
-            answers.hit.payload.tag.eq(request.tag),
-            hit.eq(answers.hit.valid & answers.hit.ready),
-            merge.eq(asked & lines.awaited & waiters.ready),
-            # A prefetch waits for nothing: it starts a read, or nothing happens.
-            may_miss.eq(requests.o.valid & (~request.is_prefetch | (addresses.level < CALM))),
-            miss.eq(may_miss & ~lines.found & lines.available & waiters.ready & misses.o.valid),
-            requests.o.ready.eq(hit | merge | miss | request.is_prefetch),
-        ]
-        m.d.sync += [
-            self.crowded.eq(addresses.level >= CROWD),
-            self.hit.eq(hit),
-            self.miss.eq(miss & ~request.is_prefetch),
-            self.prefetched.eq(miss & request.is_prefetch),
-            self.merged.eq(merge),
-            self.stalled.eq(asked & Mux(lines.found, lines.awaited, ~fill.lost) & ~merge & ~miss),
-            self.evicted.eq(miss & lines.evicts),
-        ]
         answered = waiters.o.valid & waiters.o.ready  # one that has waited
         unasked = self._unasked(m, miss & request.is_prefetch, answered & waiters.o.payload.tag[self.tag_width])
         m.d.comb += [
@@ -180,6 +167,40 @@ class BlockCache(wiring.Component):
         self._read(m, addresses, fill)
         self._fill(m, fill, lines, waiters, answers)
         return m
+
+    def _outcome(self, m: Module, parts: _Parts) -> tuple[Signal, Signal, Signal]:
+        """What becomes of a request: it is answered, joins others that wait, or starts a read."""
+        requests, lines, misses, waiters, fill, answers, addresses = parts
+        request = requests.o.payload
+        asked = Signal()  # by somebody who waits for the answer
+        hit = Signal()
+        merge = Signal()
+        may_miss = Signal()
+        miss = Signal()
+        m.d.comb += [
+            asked.eq(requests.o.valid & ~request.is_prefetch),
+            # Without a number for another read, blocks that are not there are answered with an error at once.
+            answers.hit.valid.eq(asked & Mux(lines.found, ~lines.awaited, fill.lost)),
+            answers.hit.payload.line.eq(lines.line),
+            answers.hit.payload.error.eq(~lines.found),
+            answers.hit.payload.tag.eq(request.tag),
+            hit.eq(answers.hit.valid & answers.hit.ready),
+            merge.eq(asked & lines.awaited & waiters.ready),
+            # A prefetch waits for nothing: it starts a read, or nothing happens.
+            may_miss.eq(requests.o.valid & (~request.is_prefetch | (addresses.level < CALM))),
+            miss.eq(may_miss & ~lines.found & lines.available & waiters.ready & misses.o.valid),
+            requests.o.ready.eq(hit | merge | miss | request.is_prefetch),
+        ]
+        m.d.sync += [
+            self.crowded.eq(addresses.level >= CROWD),
+            self.hit.eq(hit),
+            self.miss.eq(miss & ~request.is_prefetch),
+            self.prefetched.eq(miss & request.is_prefetch),
+            self.merged.eq(merge),
+            self.stalled.eq(asked & Mux(lines.found, lines.awaited, ~fill.lost) & ~merge & ~miss),
+            self.evicted.eq(miss & lines.evicts),
+        ]
+        return hit, merge, miss
 
     def _unasked(self, m: Module, begins: Value, ends: Value) -> Signal:
         """How many entries of lists nobody has asked for, in front of what begins and ends in this cycle.

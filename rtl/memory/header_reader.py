@@ -67,29 +67,9 @@ class HeaderReader(Component):
             *(getattr(self, name).eq(header[name]) for name in FIELDS),
         ]
 
-        # --- the read, which may be under way for longer than it is waited for ----------------------------------------
         begins = Signal()
-        asks = Signal()
-        reading = Signal()
-        number = Signal(range(max(axi.block_beats, 2)))  # of the next beat; beats beyond the last are as that
-        beat = Signal()
-        at_end = Signal()
-        m.d.comb += [
-            self.m_axi.arvalid.eq(asks),
-            self.m_axi.rready.eq(1),
-            beat.eq(reading & ~asks & self.m_axi.rvalid & (self.m_axi.rid == 0)),
-            at_end.eq(number == axi.block_beats - 1),
-        ]
-        with m.If(begins):
-            m.d.sync += [asks.eq(1), reading.eq(1)]
-        with m.Elif(self.m_axi.arready):
-            m.d.sync += asks.eq(0)
-        with m.If(beat & ~at_end):
-            m.d.sync += number.eq(number + 1)
-        with m.Elif(beat & self.m_axi.rlast):
-            m.d.sync += [number.eq(0), reading.eq(0)]
+        reading, beat, at_end = self._read(m, begins)
 
-        # --- the load -------------------------------------------------------------------------------------------------
         with m.FSM(name="state") as fsm:
             m.d.comb += self.busy.eq(~fsm.ongoing("idle"))
             with m.State("idle"), m.If(self.load):
@@ -125,6 +105,31 @@ class HeaderReader(Component):
                 m.d.sync += [self.load_error.eq(error), self.loaded.eq(error == LOAD_ERRORS["none"])]
                 m.next = "idle"
         return m
+
+    def _read(self, m: Module, begins: Signal) -> tuple[Signal, Signal, Signal]:
+        """The read, which may be under way for longer than it is waited for: whether it is, whether this is a beat of
+        it, and whether the block's last one is due."""
+        axi = self.m_axi.signature
+        asks = Signal()
+        reading = Signal()
+        number = Signal(range(max(axi.block_beats, 2)))  # of the next beat; beats beyond the last are as that
+        beat = Signal()
+        at_end = Signal()
+        m.d.comb += [
+            self.m_axi.arvalid.eq(asks),
+            self.m_axi.rready.eq(1),
+            beat.eq(reading & ~asks & self.m_axi.rvalid & (self.m_axi.rid == 0)),
+            at_end.eq(number == axi.block_beats - 1),
+        ]
+        with m.If(begins):
+            m.d.sync += [asks.eq(1), reading.eq(1)]
+        with m.Elif(self.m_axi.arready):
+            m.d.sync += asks.eq(0)
+        with m.If(beat & ~at_end):
+            m.d.sync += number.eq(number + 1)
+        with m.Elif(beat & self.m_axi.rlast):
+            m.d.sync += [number.eq(0), reading.eq(0)]
+        return reading, beat, at_end
 
     def _error(self, header: data.View, folded: Value, failed: Value, unaligned: Value) -> Value:
         """The first thing that is wrong, as its number."""

@@ -134,6 +134,11 @@ class BestHits(wiring.Component):
         ]
         m.d.comb += [hits.w_data[name].eq(result.data[name]) for name in ("t", "u", "v", "front")]
 
+        self._show_best(m, found, nearest, hits)
+        return better
+
+    def _show_best(self, m: Module, found: Signal, nearest: Ram, hits: Ram) -> None:
+        """The read ports of the best hit: its t, and all of it."""
         t_found = Signal(reset_less=True)
         with m.If(self.best_read.en):
             m.d.sync += t_found.eq(found.bit_select(self.best_read.context, 1))
@@ -150,7 +155,6 @@ class BestHits(wiring.Component):
             m.d.comb += self.hit_read.hit.eq(hits.r_data)
         with m.Else():
             m.d.comb += self.hit_read.hit.primitive.eq(-1)
-        return better
 
     def _distance(self, m: Module, better: Signal) -> None:
         """The distance of every better t, and of a starting ray's t_max; `done` and `started` come with it."""
@@ -205,16 +209,20 @@ class BestHits(wiring.Component):
             strobes = Signal(strobes_layout, name=f"strobes{stage}")
             m.d.sync += [late.eq(late_before), strobes.eq(strobes_before)]
 
+        self._show_distance(m, late, strobes)
+
+    def _show_distance(self, m: Module, late: data.View, strobes: data.View) -> None:
+        """The read ports of the distance, which has come; what has come with it is told a cycle later."""
         for k, port in enumerate(self.time_read):
             m.submodules[f"times{k}"] = times = Ram(TIME_BITS, self._contexts, read_first=True)
             m.d.comb += [
                 times.w_en.eq(strobes.better | strobes.started),
                 times.w_addr.eq(late.changing),
-                times.w_data.eq(ray_time.o.high),
+                times.w_data.eq(self._ray_time.o.high),
                 times.r_addr.eq(port.context),
                 port.time.eq(times.r_data),
             ]
-        shown = Signal(late_layout, reset_less=True)
+        shown = Signal(late.shape(), reset_less=True)
         m.d.sync += [shown.eq(late), self.started.valid.eq(strobes.started), self.done.valid.eq(strobes.done)]
         m.d.comb += [
             self.started.context.eq(shown.changing),

@@ -130,32 +130,43 @@ class Control(wiring.Component):
             self.idle.eq(free.idle),
         ]
         self._request(m, decision, pops)
-        leaf, leaf_end = self._leaf(m, rays)
-        rays.become(
-            m,
-            Events(
-                start=free.start,
-                start_root=only_if(~self.start.payload.skip, free.start),
-                start_strict=only_if(self.overlap <= 1, free.start),
-                started=only_if(self.started.valid, one_hot(self.started.context, contexts)),
-                popped=self._choose(m, rays, decision, pops, run_ahead.allowed),
-                met=pops.met,
-                met_near=only_if(pops.near_below, pops.met),
-                dropped=only_if(pops.dropped, pops.met),
-                node_push=decision.pushes,
-                node_push_near=only_if(decision.new_near, decision.pushes),
-                new_height=decision.new_height,
-                node_end=decision.ends,
-                node_fail=decision.fails,
-                node_restart=decision.restarts,
-                written=only_if(stacks.written.valid, one_hot(stacks.written.context, contexts)),
-                leaf=leaf,
-                leaf_end=leaf_end,
-                leaf_fail=only_if(self.leaf.payload.error != 0, leaf_end),
-                finish=self._finish(m, rays),
-            ),
-        )
+        rays.become(m, self._events(m, rays, stacks, decision, pops, free, run_ahead.allowed))
         return m
+
+    def _events(
+        self,
+        m: Module,
+        rays: Rays,
+        stacks: Stacks,
+        decision: NodeDecision,
+        pops: PoppedVisits,
+        free: FreeContexts,
+        may_run_ahead: Value,
+    ) -> Events:
+        """What happens to rays in this cycle, by context."""
+        contexts = self._config.traversal.contexts
+        leaf, leaf_end = self._leaf(m, rays)
+        return Events(
+            start=free.start,
+            start_root=only_if(~self.start.payload.skip, free.start),
+            start_strict=only_if(self.overlap <= 1, free.start),
+            started=only_if(self.started.valid, one_hot(self.started.context, contexts)),
+            popped=self._choose(m, rays, decision, pops, may_run_ahead),
+            met=pops.met,
+            met_near=only_if(pops.near_below, pops.met),
+            dropped=only_if(pops.dropped, pops.met),
+            node_push=decision.pushes,
+            node_push_near=only_if(decision.new_near, decision.pushes),
+            new_height=decision.new_height,
+            node_end=decision.ends,
+            node_fail=decision.fails,
+            node_restart=decision.restarts,
+            written=only_if(stacks.written.valid, one_hot(stacks.written.context, contexts)),
+            leaf=leaf,
+            leaf_end=leaf_end,
+            leaf_fail=only_if(self.leaf.payload.error != 0, leaf_end),
+            finish=self._finish(m, rays),
+        )
 
     def _request(self, m: Module, decision: NodeDecision, pops: PoppedVisits) -> None:
         """Requests: first those that follow from the result of a node, which must never wait."""

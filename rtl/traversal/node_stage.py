@@ -118,17 +118,7 @@ class NodeStage(wiring.Component):
             m.d.sync += test.t_max.eq(self.time_read.time)
         m.d.comb += core.i.eq(test)
 
-        # Children lie behind their node, so no visit leads back; and inside the tree, so no address is beyond it.
-        error = Signal(ERROR_BITS)
-        with m.If(memory_error):
-            m.d.comb += error.eq(TRACE_ERRORS["memory"])
-        with m.Elif((block.kind != NODE_KIND) | (block.count > self._width)):
-            m.d.comb += error.eq(TRACE_ERRORS["kind"])
-        with m.Elif((block.count != 0) & (block.base <= visit.address)):
-            m.d.comb += error.eq(TRACE_ERRORS["order"])
-        with m.Elif(block.base + block.count > self.blocks):
-            m.d.comb += error.eq(TRACE_ERRORS["outside"])
-
+        error = self._error(m, memory_error, block, visit)
         beside_layout = data.StructLayout({name: member.shape for name, member in self._result if name != "hits"})
         beside = Signal(beside_layout)
         m.d.comb += [beside[name].eq(visit[name]) for name in self._visit.members]
@@ -143,3 +133,19 @@ class NodeStage(wiring.Component):
         m.d.comb += [self.o.payload[name].eq(result[name]) for name in beside_layout.members]
         m.d.comb += [self.o.payload.hits.eq(core.o), self.o.valid.eq(valid)]
         return m
+
+    def _error(self, m: Module, memory_error: Value, block: data.View, visit: data.View) -> Signal:
+        """What is wrong with a block, as its number.
+
+        Children lie behind their node, so no visit leads back; and inside the tree, so no address is beyond it.
+        """
+        error = Signal(ERROR_BITS)
+        with m.If(memory_error):
+            m.d.comb += error.eq(TRACE_ERRORS["memory"])
+        with m.Elif((block.kind != NODE_KIND) | (block.count > self._width)):
+            m.d.comb += error.eq(TRACE_ERRORS["kind"])
+        with m.Elif((block.count != 0) & (block.base <= visit.address)):
+            m.d.comb += error.eq(TRACE_ERRORS["order"])
+        with m.Elif(block.base + block.count > self.blocks):
+            m.d.comb += error.eq(TRACE_ERRORS["outside"])
+        return error

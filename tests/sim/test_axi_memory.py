@@ -56,7 +56,7 @@ def bench(
     served: Path | None = None,
     regions: Path | None = None,
 ) -> int:
-    """Runs verif/benches/test_axi_memory.py, or its tests whose names match `only`, on a random image.
+    """Runs the benches of the memory, or their tests whose names match `only`, on a random image.
 
     The memory serves that image, or `served`; what may be written is WRITABLE, or what the file `regions` says.
     """
@@ -78,7 +78,7 @@ def bench(
         top,
         sources,
         simulator,
-        module="lightloom.verif.benches.test_axi_memory",
+        module=",".join(f"lightloom.verif.benches.{name}" for name in ("test_axi_memory", "test_axi_memory_writes")),
         public_ports=[*ports, *([*RULE_PORTS, "axi_forget"] if data_width <= 512 else [])],
         parameters=parameters,
         extra_env={"LIGHTLOOM_BENCH": json.dumps(description), **({"COCOTB_TEST_FILTER": only} if only else {})},
