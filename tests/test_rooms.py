@@ -326,16 +326,6 @@ LINES = 60
 LONG = {
     **dict.fromkeys(
         (
-            "gen/formal/best_hits.py:distance",
-            "gen/formal/counting.py:fill",
-            "gen/formal/lines.py:lines",
-            "gen/formal/stream_units.py:handshake",
-            "gen/formal/write_arbiter.py:aborts",
-        ),
-        "a proof: surroundings, a history and what must hold are said over the same signals",
-    ),
-    **dict.fromkeys(
-        (
             "golden_model/tracing/bvh/traversal_numba.py:trace_rays",
             "golden_model/tracing/wide_bvh/traversal_numba.py:trace_rays",
         ),

@@ -156,17 +156,7 @@ def distance(config: Config) -> Bench:
     bench.assume(~followed.begins | quiet)
     bench.assume(~comes | running)
 
-    # The distance of the best t (`nearest` shows which results are better), with the constants of its ray.
-    t = Signal(32)
-    ray = Signal(start.payload.shape())
-    with m.If(followed.begins):
-        m.d.sync += [t.eq(start.payload.t_max), ray.eq(start.payload)]
-    with m.Elif(comes & bench.inner("better")):
-        m.d.sync += t.eq(result.data.t)
-    expected = bench.past(mixed(t, ray.rate, ray.scale), "distance")
-    for k, port in enumerate(component.time_read):
-        asked = followed.asked(port, f"time{k}", when=running & quiet)
-        bench.require(f"distance{k}", ~asked | (port.time == expected))
+    _distances(followed, running & quiet)
     # A start waits for those before it, and for cycles without a better hit.
     waited = Signal(range(component.start_latency + config.traversal.contexts + 2))
     with m.If(followed.begins | ~starting.bit_select(followed.who, 1)):
@@ -176,18 +166,7 @@ def distance(config: Config) -> Bench:
     bench.require("starts", waited < component.start_latency + config.traversal.contexts)
     bench.require("started_once", ~is_started | starting.bit_select(followed.who, 1))
 
-    # The end of a visit comes a fixed time after its last result, and says what its results said.
-    any_hit = Signal()
-    first_hit = Signal()
-    m.d.comb += any_hit.eq(result.any_hit & result.tested & result.data.hit)
-    with m.If(component.result.valid):
-        m.d.sync += first_hit.eq(any_hit & ~result.last)
-    end: Value = Cat(component.result.valid & result.last, result.context, any_hit | first_hit, result.error)
-    for cycle in range(component.latency):
-        end = bench.past(end, f"end{cycle}")
-    told = Cat(done.valid, done.context, done.hit, done.error)
-    bench.require("visit_over", (told == end) | ~(done.valid | end[0]))
-    first_of_two = bench.past(component.result.valid & any_hit & ~result.last, "first_of_two")
+    any_hit, first_of_two = _visit_ends(bench, component)
     asked = followed.asked(component.time_read[0], "time", when=running & quiet)
     was_better = Signal()
     with m.If(followed.begins | comes):
@@ -204,6 +183,45 @@ def distance(config: Config) -> Bench:
     bench.reach("two_starts_at_a_time", (starting & (starting - 1)[: len(starting)]).any())
     bench.reach("begins_a_second_ray", followed.begins & was_better)
     return bench
+
+
+def _distances(followed: Followed, idle: Value) -> None:
+    """The distance of the best t (`nearest` shows which results are better), with the constants of its ray.
+
+    `idle`: the ray has started, and what it visits is done.
+    """
+    bench, component, comes = followed.bench, followed.component, followed.comes
+    m, start, result = bench.m, component.start, component.result.payload
+    t = Signal(32)
+    ray = Signal(start.payload.shape())
+    with m.If(followed.begins):
+        m.d.sync += [t.eq(start.payload.t_max), ray.eq(start.payload)]
+    with m.Elif(comes & bench.inner("better")):
+        m.d.sync += t.eq(result.data.t)
+    expected = bench.past(mixed(t, ray.rate, ray.scale), "distance")
+    for k, port in enumerate(component.time_read):
+        asked = followed.asked(port, f"time{k}", when=idle)
+        bench.require(f"distance{k}", ~asked | (port.time == expected))
+
+
+def _visit_ends(bench: Bench, component: BestHits) -> tuple[Signal, Value]:
+    """The end of a visit comes a fixed time after its last result, and says what its results said.
+
+    Whether this result ends the search, and whether one did that another one of its visit follows.
+    """
+    m, result, done = bench.m, component.result.payload, component.done
+    any_hit = Signal()
+    first_hit = Signal()
+    m.d.comb += any_hit.eq(result.any_hit & result.tested & result.data.hit)
+    with m.If(component.result.valid):
+        m.d.sync += first_hit.eq(any_hit & ~result.last)
+    end: Value = Cat(component.result.valid & result.last, result.context, any_hit | first_hit, result.error)
+    for cycle in range(component.latency):
+        end = bench.past(end, f"end{cycle}")
+    told = Cat(done.valid, done.context, done.hit, done.error)
+    bench.require("visit_over", (told == end) | ~(done.valid | end[0]))
+    first_of_two = bench.past(component.result.valid & any_hit & ~result.last, "first_of_two")
+    return any_hit, first_of_two
 
 
 def properties() -> list[Property]:

@@ -1,8 +1,9 @@
 """The counters of a traversal unit, and what puts the beats of a block together."""
 
 from functools import partial
+from typing import NamedTuple
 
-from amaranth import Array, Const, Mux, Signal
+from amaranth import Array, Const, Mux, Signal, Value
 
 from lightloom.gen.formal.bench import Bench
 from lightloom.gen.formal.properties import Induction, Property
@@ -45,7 +46,6 @@ def fill(data_width: int, misses: int) -> Bench:
     # A number is started when it is free.
     bench.assume(~starts | ~(wanted | given_up))
     bench.assume(~component.start | (component.start_miss < misses))
-
     at_end = beats == lanes - 1
     right = at_end & component.rlast
     wrong = at_end ^ component.rlast
@@ -83,7 +83,25 @@ def fill(data_width: int, misses: int) -> Bench:
     bench.reach("late", late)
     bench.reach("free_after_all", given_up & ends)
 
-    # An event that leaves its number in use is by itself until it has passed.
+    _alone(bench, component, misses)
+    _remembered(bench, who, lanes, _Miss(wanted, aged, given_up, line, beats, failed))
+    return bench
+
+
+class _Miss(NamedTuple):
+    """The followed miss: awaited, and so at a look; given up, its read under way; its line, the next beat, an error."""
+
+    wanted: Signal
+    aged: Signal
+    given_up: Signal
+    line: Signal
+    beats: Signal
+    failed: Signal
+
+
+def _alone(bench: Bench, component: BlockFill, misses: int) -> None:
+    """An event that leaves its number in use is by itself until it has passed."""
+    m = bench.m
     alone = Signal()
     leaves = component.filled & ~component.ended
     m.d.sync += alone.eq((alone | leaves) & ~component.passed)
@@ -95,7 +113,10 @@ def fill(data_width: int, misses: int) -> Bench:
     bench.require("yields", bench.inner("yields") == bench.past(waits, "waited"))
     bench.require("looked_in_range", bench.inner("looked") < misses)
 
-    # The invariant: what the component remembers of the miss.
+
+def _remembered(bench: Bench, who: Value, lanes: int, miss: _Miss) -> None:
+    """The invariant: what the component remembers of the miss."""
+    wanted, aged, given_up, line, beats, failed = miss
     bench.require("line_remembered", ~wanted | (bench.peek("lines", who, "remembered") == line))
     bench.require("wanted", Array(bench.inner("wanted"))[who] == wanted)
     bench.require("marked", Array(bench.inner("marked"))[who] == (aged | given_up))
@@ -107,7 +128,6 @@ def fill(data_width: int, misses: int) -> Bench:
         bench.require("failure_remembered", Array(bench.inner("failed"))[who] == failed)
     else:
         bench.require("no_failure_before", ~failed)
-    return bench
 
 
 def properties() -> list[Property]:

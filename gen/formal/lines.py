@@ -18,39 +18,14 @@ def lines(*, sets: int, ways: int, misses: int) -> Bench:
     block = bench.constant("block_followed", BLOCK_BITS)
     invalidate = bench.any("invalidate")
 
-    # Two steps, as the cache takes them: what is looked up moves on when the one before it is done.
-    read_valid = Signal()
-    valid = Signal()
-    done = bench.any("done")
-    read_block = Signal(BLOCK_BITS)
-    current = Signal(BLOCK_BITS)
-    m.d.comb += [
-        component.step.eq(~valid | done),
-        component.look.eq(~read_valid | component.step),
-        component.invalidate.eq(invalidate),
-    ]
-    with m.If(component.look):
-        m.d.sync += [read_valid.eq(bench.any("comes")), read_block.eq(component.block)]
-    with m.If(component.step):
-        m.d.sync += [valid.eq(read_valid), current.eq(read_block)]
+    valid, current, done = _steps(bench, component, invalidate)
     allocate, touch = component.allocate, component.touch
     bench.assume(component.block < 1 << BLOCK_BITS)
     bench.assume(~allocate | (valid & ~component.found & component.available & done))
     bench.assume(~touch | (valid & component.found & ~component.awaited & done))
 
-    # Lines are filled and released once each, in this order; nothing is forgotten while anything is under way.
-    pending, locked = (Array(Signal(name=f"{name}{k}") for k in range(count)) for name in ("pending", "locked"))
-    filled, released = component.filled_line, component.release_line
-    bench.assume(~component.filled | ((filled < count) & pending[filled]))
-    bench.assume(~component.release | ((released < count) & locked[released] & ~pending[released]))
-    for k in range(count):
-        given = allocate & (component.victim == k)
-        m.d.sync += [
-            pending[k].eq((pending[k] & ~(component.filled & (filled == k))) | given),
-            locked[k].eq((locked[k] & ~(component.release & (released == k))) | given),
-        ]
-        bench.assume(~invalidate | ~(locked[k] | allocate))
-
+    pending, locked = _lines_under_way(bench, component, invalidate, count)
+    filled = component.filled_line
     here = Signal()
     gone = Signal()  # it has given way before
     line = Signal(component.line_width)
@@ -85,6 +60,46 @@ def lines(*, sets: int, ways: int, misses: int) -> Bench:
     bench.reach("found_after_eviction", mine & here & ~pending[line] & gone)
     bench.reach("forgotten", invalidate & here)
     return bench
+
+
+def _steps(bench: Bench, component: BlockLines, invalidate: Signal) -> tuple[Signal, Signal, Signal]:
+    """Two steps, as the cache takes them: what is looked up moves on when the one before it is done."""
+    m = bench.m
+    read_valid = Signal()
+    valid = Signal()
+    done = bench.any("done")
+    read_block = Signal(BLOCK_BITS)
+    current = Signal(BLOCK_BITS)
+    m.d.comb += [
+        component.step.eq(~valid | done),
+        component.look.eq(~read_valid | component.step),
+        component.invalidate.eq(invalidate),
+    ]
+    with m.If(component.look):
+        m.d.sync += [read_valid.eq(bench.any("comes")), read_block.eq(component.block)]
+    with m.If(component.step):
+        m.d.sync += [valid.eq(read_valid), current.eq(read_block)]
+    return valid, current, done
+
+
+def _lines_under_way(bench: Bench, component: BlockLines, invalidate: Signal, count: int) -> tuple[Array, Array]:
+    """Whether the data of each line is awaited, and whether it must stay.
+
+    Lines are filled and released once each, in this order; nothing is forgotten while anything is under way.
+    """
+    m, allocate = bench.m, component.allocate
+    pending, locked = (Array(Signal(name=f"{name}{k}") for k in range(count)) for name in ("pending", "locked"))
+    filled, released = component.filled_line, component.release_line
+    bench.assume(~component.filled | ((filled < count) & pending[filled]))
+    bench.assume(~component.release | ((released < count) & locked[released] & ~pending[released]))
+    for k in range(count):
+        given = allocate & (component.victim == k)
+        m.d.sync += [
+            pending[k].eq((pending[k] & ~(component.filled & (filled == k))) | given),
+            locked[k].eq((locked[k] & ~(component.release & (released == k))) | given),
+        ]
+        bench.assume(~invalidate | ~(locked[k] | allocate))
+    return pending, locked
 
 
 def properties() -> list[Property]:

@@ -7,6 +7,7 @@ latency whose results are free. That makes the proofs of the largest units as sm
 """
 
 from functools import partial
+from typing import NamedTuple
 
 from amaranth import Array, Cat, Const, Module, Mux, Signal, Value
 
@@ -85,8 +86,23 @@ def handshake(unit: str, latency: int, interval: int, tag_width: int) -> Bench:
     bench.require("drains", ~follows | (released < latency))
     bench.reach("followed_one_leaves", leaves & o.ready)
 
-    # The induction's invariant: stages, tags and slots are as the history says, and the followed one is where it
-    # should be.
+    _invariant(bench, free, history, moves, _Followed(follows, place, tag, released))
+    return bench
+
+
+class _Followed(NamedTuple):
+    """One transfer: whether it is under way, how many moves ago it went in, its tag, free cycles since."""
+
+    follows: Signal
+    place: Signal
+    tag: Signal
+    released: Signal
+
+
+def _invariant(bench: Bench, free: FreeCore, history: Signal, moves: Signal, followed: _Followed) -> None:
+    """The induction's invariant: stages, tags and slots are as the history says, and so is the followed one."""
+    latency, interval = free.latency, free.initiation_interval
+    follows, place, tag, released = followed
     stages = -(-(latency - 1) // interval)
     for stage in range(stages):
         inside = history[stage * interval : min((stage + 1) * interval, latency - 1)]
@@ -102,7 +118,6 @@ def handshake(unit: str, latency: int, interval: int, tag_width: int) -> Bench:
         bench.require("in_slot", slots == Mux(history.any(), Const(1, interval) << moves, 1))
         for age in range(1, latency + 1):
             bench.require(f"age{age}", ~history[age - 1] | (moves == age % interval))
-    return bench
 
 
 def _without_registers(bench: Bench, free: FreeCore, component: StreamUnit) -> Bench:

@@ -132,6 +132,45 @@ def data(count: int) -> Bench:
     return bench
 
 
+def _beats_at_the_port(bench: Bench, component: AxiWriteArbiter, masters: Masters) -> Signal:
+    """The number of the next beat: as many as a block has, the last one marked, whoever they are from."""
+    m, port, beats = bench.m, component.m_axi, component.m_axi.signature.block_beats
+    number = Signal(range(beats))
+    m.d.sync += number.eq(Mux(transfers(port, "w"), Mux(number == beats - 1, 0, number + 1), number))
+    valid, second = bench.inner("beats/o__valid"), bench.inner("beats/held")
+    after = Array([*range(1, beats), 0])
+    bench.require("last_is_marked", ~port.wvalid | (port.wlast == (number == beats - 1)))
+    bench.require("next_last", ~second | (bench.inner("beats/kept")[-1] == (after[number] == beats - 1)))
+    place = Mux(second, after[after[number]], Mux(valid, after[number], number))
+    bench.require("beats_follow", bench.inner("beat") == place)
+    bench.require("in_range", number < beats)
+    bench.require("beats_first_before_second", valid | ~second)
+    writes = bench.inner("beats/i__payload")
+    strobes = writes[SHAPE["data_width"] : -1]
+    bench.require("gives_missing_beats", ~(component.aborting & masters.sender.any()) | bench.inner("beats/i__valid"))
+    bench.require("writes_nothing", ~(component.aborting & bench.inner("beats/i__valid")) | (strobes == 0))
+    return number
+
+
+def _inside(bench: Bench, component: AxiWriteArbiter, bursts: tuple[Signal, Signal, Signal], offered: Value) -> Value:
+    """What is under way is in the buffers; whether a burst begins that the component counts in the next cycle."""
+    port = component.m_axi
+    left, waiting, unsent = bursts
+    valid, second = bench.inner("beats/o__valid"), bench.inner("beats/held")
+    ends_inside = Mux(valid & port.wlast, 1, 0) + Mux(second & bench.inner("beats/kept")[-1], 1, 0)
+    senders = bench.inner("senders/o__valid") + bench.inner("senders/held")
+    bench.require("unsent_are_inside", unsent == senders + ends_inside)
+    inside = bench.inner("addresses/o__valid") + bench.inner("addresses/held")
+    bench.require("waiting_are_inside", waiting == inside)
+    bench.require("addresses_first_before_second", bench.inner("addresses/o__valid") | ~bench.inner("addresses/held"))
+    bench.require("all_are_left", (waiting <= left) & (unsent <= left))
+    late_begun, late_answered = bench.inner("begun"), bench.inner("answered")
+    bench.require("count_is_exact", left + late_answered == bench.inner("left") + late_begun)
+    bench.require("begun_is_offered", ~late_begun | offered)  # its sender has just come into an empty buffer, or waits
+    bench.require("counted_before_it_came", ~late_answered | (bench.inner("left") != 0))
+    return late_begun
+
+
 def aborts(count: int) -> Bench:
     """A memory that answers what it has taken, in time as far as there is a time, and masters that forget all when told
     to."""
@@ -140,7 +179,7 @@ def aborts(count: int) -> Bench:
     for name in ("tick", "timed", "abort"):
         m.d.comb += getattr(component, name).eq(bench.any(name))
     masters = _masters(bench, component)
-    beats, most = port.signature.block_beats, SHAPE["writes"]
+    most = SHAPE["writes"]
     begun, answered = masters.begins.any(), transfers(port, "b")
     asked, ended = transfers(port, "aw"), transfers(port, "w") & port.wlast
     # Bursts whose address was taken from a master: all; those that the port has not taken; those without their data.
@@ -160,34 +199,8 @@ def aborts(count: int) -> Bench:
     for channel in ("aw", "w"):
         held(bench, channel, *offer(port, channel), payload_of(port, channel))
 
-    # Beats at the port: as many as a block has, the last one marked, whoever they are from.
-    number = Signal(range(beats))
-    m.d.sync += number.eq(Mux(transfers(port, "w"), Mux(number == beats - 1, 0, number + 1), number))
-    valid, second = bench.inner("beats/o__valid"), bench.inner("beats/held")
-    after = Array([*range(1, beats), 0])
-    bench.require("last_is_marked", ~port.wvalid | (port.wlast == (number == beats - 1)))
-    bench.require("next_last", ~second | (bench.inner("beats/kept")[-1] == (after[number] == beats - 1)))
-    place = Mux(second, after[after[number]], Mux(valid, after[number], number))
-    bench.require("beats_follow", bench.inner("beat") == place)
-    bench.require("in_range", number < beats)
-    bench.require("beats_first_before_second", valid | ~second)
-    writes = bench.inner("beats/i__payload")
-    strobes = writes[SHAPE["data_width"] : -1]
-    bench.require("gives_missing_beats", ~(component.aborting & masters.sender.any()) | bench.inner("beats/i__valid"))
-    bench.require("writes_nothing", ~(component.aborting & bench.inner("beats/i__valid")) | (strobes == 0))
-
-    # What is under way is in the buffers.
-    ends_inside = Mux(valid & port.wlast, 1, 0) + Mux(second & bench.inner("beats/kept")[-1], 1, 0)
-    senders = bench.inner("senders/o__valid") + bench.inner("senders/held")
-    bench.require("unsent_are_inside", unsent == senders + ends_inside)
-    inside = bench.inner("addresses/o__valid") + bench.inner("addresses/held")
-    bench.require("waiting_are_inside", waiting == inside)
-    bench.require("addresses_first_before_second", bench.inner("addresses/o__valid") | ~bench.inner("addresses/held"))
-    bench.require("all_are_left", (waiting <= left) & (unsent <= left))
-    late_begun, late_answered = bench.inner("begun"), bench.inner("answered")
-    bench.require("count_is_exact", left + late_answered == bench.inner("left") + late_begun)
-    bench.require("begun_is_offered", ~late_begun | offered)  # its sender has just come into an empty buffer, or waits
-    bench.require("counted_before_it_came", ~late_answered | (bench.inner("left") != 0))
+    number = _beats_at_the_port(bench, component, masters)
+    late_begun = _inside(bench, component, (left, waiting, unsent), offered)
 
     closed = bench.past(component.aborting, "aborting")
     ends = closed & ~component.aborting
