@@ -1,6 +1,7 @@
 """What the files of the checkout import of ours, as their text says: for the rules of `tests/test_rooms.py`."""
 
 import ast
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -35,6 +36,12 @@ def syntax(path: Path) -> ast.Module:
 
 
 @cache
+def nodes(path: Path) -> tuple[ast.AST, ...]:
+    """All of `syntax`, in no order: most of the time of a rule is the walk, so it is made once."""
+    return tuple(ast.walk(syntax(path)))
+
+
+@cache
 def own_imports(path: Path) -> frozenset[str]:
     """The modules of ours that a file imports, anywhere in it, and those that it names in a string.
 
@@ -42,7 +49,7 @@ def own_imports(path: Path) -> frozenset[str]:
     begin with an import of another one are what `defined_elsewhere` finds.
     """
     names = set()
-    for node in ast.walk(syntax(path)):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -85,15 +92,15 @@ def dotted(node: ast.AST) -> str:
     return node.id if isinstance(node, ast.Name) else ""
 
 
-def defined_elsewhere(text: ast.AST) -> list[str]:
-    """What a file takes of modules of ours that is not theirs: folders, and what they have imported themselves.
+def defined_elsewhere(text: Sequence[ast.AST]) -> list[str]:
+    """What a file, given by its nodes, takes of modules of ours that is not theirs: folders, and what they import.
 
     `import a.b as c` and `from a import b` give the file a module, of which it may then take `c.name`; where that is
     a module again, or a name that c imports, an arrow leads to where it comes from that no import shows.
     """
     bound: dict[str, str] = {}
     wrong = []
-    for node in ast.walk(text):
+    for node in text:
         if isinstance(node, ast.Import):
             bound |= {alias.asname or alias.name: alias.name for alias in node.names if alias.name in modules()}
         elif isinstance(node, ast.ImportFrom) and node.module in modules():
@@ -103,7 +110,7 @@ def defined_elsewhere(text: ast.AST) -> list[str]:
                 elif alias.name not in own_names(node.module):
                     wrong.append(whole)
     wrong += [name for name in bound.values() if modules()[name].name == "__init__.py"]
-    for node in ast.walk(text):
+    for node in text:
         if not isinstance(node, ast.Attribute) or node.attr.startswith("__"):
             continue
         if (module := bound.get(dotted(node.value))) and node.attr not in own_names(module):

@@ -7,7 +7,7 @@ import ast
 import re
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -20,7 +20,7 @@ from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PLACES, PRESETS
 from lightloom.rtl.fabric.pipeline import StreamUnit
 from tests import ROOT
-from tests.imports import ROOMS, asked_for, defined_elsewhere, modules, own_imports, sources, syntax
+from tests.imports import ROOMS, asked_for, defined_elsewhere, modules, nodes, own_imports, sources
 
 # What each room may import of ours, without "lightloom."; a part after a dot narrows it.
 MAY_IMPORT = {
@@ -102,17 +102,19 @@ def test_there_is_something_to_look_at() -> None:
     ],
 )
 def test_ways_round_the_imports_are_noticed(text: str) -> None:
-    assert defined_elsewhere(ast.parse(text))
+    assert defined_elsewhere(list(ast.walk(ast.parse(text))))
 
 
 def test_what_a_module_has_itself_may_be_taken_by_any_way() -> None:
     ways = ("import lightloom.gen.emit as e\ne.INDEXED, e.emit", "from lightloom.gen import emit\nemit.emit")
-    assert [defined_elsewhere(ast.parse(way)) for way in (*ways, "from lightloom.gen.emit import emit")] == [[], [], []]
+    assert [
+        defined_elsewhere(list(ast.walk(ast.parse(way)))) for way in (*ways, "from lightloom.gen.emit import emit")
+    ] == [[], [], []]
 
 
 def test_every_import_names_the_file_that_has_what_is_taken() -> None:
     """Then the imports are all arrows that there are, and the tests below see them."""
-    taken = {path.relative_to(ROOT): defined_elsewhere(syntax(path)) for path in modules().values()}
+    taken = {path.relative_to(ROOT): defined_elsewhere(nodes(path)) for path in modules().values()}
     wrong = [f"{path} takes {', '.join(names)}" for path, names in taken.items() if names]
     assert not wrong, "\n".join(wrong)
 
@@ -156,7 +158,7 @@ BARE = re.compile(rf"(?:^|[\"';:]|\\n)\s*(?:from|import)\s+(?:\w+,\s*)*(?:{'|'.j
 def roots(path: Path) -> set[str]:
     """The first names of everything that a file imports, anywhere in it, also by a string that looks like a module."""
     found = set()
-    for node in ast.walk(syntax(path)):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             found |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -237,7 +239,7 @@ NAMES_UNITS = (
 )
 
 
-def names_unit(unit: str, text: ast.AST) -> Iterable[str]:
+def names_unit(unit: str, text: Sequence[ast.AST]) -> Iterable[str]:
     """Where a file asks whether something is that unit, or goes to its files: line and text of each place.
 
     These are strings that are its name, that of a class or module of its own, or a path through a folder of its name;
@@ -246,12 +248,12 @@ def names_unit(unit: str, text: ast.AST) -> Iterable[str]:
     word = re.compile(rf"(?:\S*[/.])?{unit}(?:[/._]\S*)?|{unit.title()}\w*")
     own = {
         alias.asname or alias.name
-        for node in ast.walk(text)
+        for node in text
         if isinstance(node, ast.ImportFrom) and unit in str(node.module)
         for alias in node.names
         if not alias.name.isupper()  # constants are what is compared, not what is asked
     }
-    for node in ast.walk(text):
+    for node in text:
         asked: list[ast.expr] = []
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and word.fullmatch(node.value):
             yield f"{node.lineno}: {node.value!r}"
@@ -285,14 +287,14 @@ def names_unit(unit: str, text: ast.AST) -> Iterable[str]:
     ],
 )
 def test_a_unit_that_is_named_is_noticed(text: str) -> None:
-    assert list(names_unit("traversal", ast.parse(text)))
+    assert list(names_unit("traversal", list(ast.walk(ast.parse(text)))))
 
 
 def test_prose_and_parameters_name_no_unit() -> None:
     text = (
         "'Rays of the traversal unit.'\nif depth < config.traversal.stack: run(config.traversal)\nbuild(TraversalUnit)"
     )
-    assert list(names_unit("traversal", ast.parse(text))) == []
+    assert list(names_unit("traversal", list(ast.walk(ast.parse(text))))) == []
 
 
 def test_generic_code_names_no_unit_with_a_memory() -> None:
@@ -302,7 +304,7 @@ def test_generic_code_names_no_unit_with_a_memory() -> None:
         if unit not in PURE
         for name, path in modules().items()
         if unit not in name and not str(path.relative_to(ROOT)).startswith(NAMES_UNITS)
-        for place in names_unit(unit, syntax(path))
+        for place in names_unit(unit, nodes(path))
     ]
     assert not wrong, "\n".join(wrong)
 
@@ -312,7 +314,7 @@ def test_every_signal_has_a_line_of_its_own() -> None:
     wrong = [
         f"{path.relative_to(ROOT)}:{node.lineno}"
         for path in sources("rtl")
-        for node in ast.walk(syntax(path))
+        for node in nodes(path)
         if isinstance(node, ast.Assign) and isinstance(node.value, ast.Tuple)
         if any(re.match(r"Signal\((?!.*name=)|.*_port\(", ast.unparse(value)) for value in node.value.elts)
     ]
@@ -347,7 +349,7 @@ LONG = {
 def test_functions_are_short() -> None:
     found = {}
     for path in (*modules().values(), *sources("tests"), *sources("examples"), *ROOT.glob(".ci/*.py")):
-        for node in ast.walk(syntax(path)):
+        for node in nodes(path):
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
                 is_command = path.parent == ROOT / "lightloom" / "commands" and not node.name.startswith("_")
                 begin = node.body[ast.get_docstring(node) is not None].lineno if is_command else node.lineno
