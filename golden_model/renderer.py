@@ -24,8 +24,7 @@ from lightloom.golden_model.machine.budget_controller import BudgetController, B
 from lightloom.golden_model.machine.cost_model import FrameCounts, Machine, RayCounts
 from lightloom.golden_model.maintenance.maintainer import Maintainer, Maintenance
 from lightloom.golden_model.maintenance.publishing.flip_chain import LONGEST, FlipChain
-from lightloom.golden_model.maintenance.publishing.publisher import Publisher
-from lightloom.golden_model.maintenance.publishing.smoothing import Smoother
+from lightloom.golden_model.maintenance.publishing.publisher import Publisher, smoother_of
 from lightloom.golden_model.maintenance.sampling.accumulate import (
     at_rest,
     brightness_of,
@@ -188,7 +187,7 @@ class Renderer:
         self.textures = build_textures(scene.textures)
         self.fraction = fraction_bits(scene, self.sampling.balanced)
         self.maintainer = Maintainer(lightmaps, scene, self.sampling, self.policy, seed)
-        self.publisher = Publisher(lightmaps, Smoother(lightmaps) if self.pipeline.smoothing else None)
+        self.publisher = Publisher(lightmaps, smoother_of(lightmaps, backend) if self.pipeline.smoothing else None)
         self.next_frame = 0
         """Number of the frame that `frame` renders next."""
         self.priming_rays = 0

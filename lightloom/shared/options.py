@@ -30,7 +30,8 @@ Traversal = Annotated[
     typer.Option(
         "--backend",
         metavar="auto|numpy|numba",
-        help="What traces the rays: NumPy, its compiled twin, or the latter if it is installed. The bits are the same.",
+        help="What traces rays and smooths maps: NumPy, its compiled twin, or the latter where installed. The bits are "
+        "the same.",
     ),
 ]
 Threads = Annotated[

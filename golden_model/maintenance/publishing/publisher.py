@@ -16,6 +16,7 @@ from lightloom.golden_model.maintenance.publishing.regions import regions_of
 from lightloom.golden_model.maintenance.publishing.smoothing import Smoother
 from lightloom.golden_model.numerics.floats import LARGEST_HALF, float_minmax, float_to_half, quiet
 from lightloom.golden_model.scene.lightmap import Lightmaps, filled, part_of
+from lightloom.golden_model.tracing.bvh.traversal import backend_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,6 +131,16 @@ class Publisher:
     def _parts(self, maps: np.ndarray) -> list[slice]:
         """Texels of level 0 of each of `maps`."""
         return [part_of(self.lightmaps, number) for number in maps.tolist()]
+
+
+def smoother_of(lightmaps: Lightmaps, backend: str) -> Smoother:
+    """What smooths `lightmaps`, with a backend as for `trace`: the same bits."""
+    if backend_of(backend) == "numba":
+        # Imported when needed: numba takes half a second to load.
+        from lightloom.golden_model.maintenance.publishing.smoothing_numba import CompiledSmoother
+
+        return CompiledSmoother(lightmaps)
+    return Smoother(lightmaps)
 
 
 def apply(difference: Difference, published: np.ndarray) -> None:

@@ -27,6 +27,7 @@ from lightloom.golden_model.contract.formats import COUNT_BITS, ONE_SAMPLE
 from lightloom.golden_model.maintenance.sampling.confidence import STALE
 from lightloom.golden_model.numerics.floats import fixed64_to_float, float_divide, float_to_half, half_to_float
 from lightloom.golden_model.numerics.logarithm import half_octaves
+from lightloom.golden_model.scene.filters import VALUE_BITS, in_fixed
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, joined, steps_of
 
 STEPS = (1, 2)
@@ -48,9 +49,8 @@ FRESH_MASS = 2
 """What counts most of a fresh texel where a stale one looks for its light: four samples."""
 ALIKE = np.float32(0.95)
 """Cosine of the normals of texels that are smoothed together."""
-_VALUE_BITS = 24
 _NEIGHBOURS = [(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dy or dx]
-_SHARES = [(1 if dy else 2) * (1 if dx else 2) for dy, dx in _NEIGHBOURS]
+SHARES = [(1 if dy else 2) * (1 if dx else 2) for dy, dx in _NEIGHBOURS]
 """Sixteenths: 1 2 1, 2 4 2, 1 2 1 with the texel itself."""
 
 
@@ -114,7 +114,7 @@ class Smoother:
         field.light[first], field.noise[first] = light, noise
         field.luminance[first] = _luminance(light)
         light, _ = self._pass(field, field.luminance, field.noise, texel, STEPS[1])
-        return (light.astype(np.float64) * 2.0**-_VALUE_BITS).astype(np.float32)
+        return (light.astype(np.float64) * 2.0**-VALUE_BITS).astype(np.float32)
 
     def _field(self, value: np.ndarray, state: np.ndarray, texel: np.ndarray) -> "_Field":
         """What the passes look at, at texels (M,); elsewhere there is nothing of meaning."""
@@ -127,26 +127,26 @@ class Smoother:
 
     def _refreshed(self, value: np.ndarray, state: np.ndarray, texel: np.ndarray) -> np.ndarray:
         """Light (M, 3) int64 in 2**-24 of texels (M,): that of `value`, or what is around them where they are stale."""
-        out = _fixed(value[texel])
+        out = in_fixed(value[texel])
         waiting = np.flatnonzero(state["count"][texel] < STALE)
         for step in STEPS:
             here, beside = texel[waiting], self.beside[step][texel[waiting]]
             fresh = (beside != here[:, None]) & (state["count"][beside] >= ONE_SAMPLE)
             mass = np.minimum(mass_of(state[beside]), FRESH_MASS)
-            weight = np.where(fresh, np.array(_SHARES) * ONE_SAMPLE << np.maximum(mass, 0), 0)
+            weight = np.where(fresh, np.array(SHARES) * ONE_SAMPLE << np.maximum(mass, 0), 0)
             own = 4 * state["count"][here].astype(np.int64)
-            total = (weight[..., None] * _fixed(value[beside])).sum(axis=1) + own[:, None] * out[waiting]
+            total = (weight[..., None] * in_fixed(value[beside])).sum(axis=1) + own[:, None] * out[waiting]
             found = fresh.any(axis=1)
             whole = (weight.sum(axis=1) + own)[found, None]
-            mean = float_divide(fixed64_to_float(total[found], _VALUE_BITS), fixed64_to_float(whole))
-            out[waiting[found]] = _fixed(half_to_float(float_to_half(mean)))
+            mean = float_divide(fixed64_to_float(total[found], VALUE_BITS), fixed64_to_float(whole))
+            out[waiting[found]] = in_fixed(half_to_float(float_to_half(mean)))
             waiting = waiting[~found]
         return out
 
     def _mean(self, what: np.ndarray, texel: np.ndarray) -> np.ndarray:
         """The weighted mean of each 3 x 3 of a quantity (N,), rounded down, at texels (M,)."""
         total = 4 * what[texel]
-        for k, share in enumerate(_SHARES):
+        for k, share in enumerate(SHARES):
             total += share * what[self.beside[1][texel, k]]
         return total >> 4
 
@@ -156,7 +156,7 @@ class Smoother:
         """Light (M, 3) and noise (M,) of texels (M,) after a pass; luminance and noise (N,) decide on the weights."""
         light, mass = field.light, field.mass
         total, taken = light[texel] << WEIGHT_BITS, np.zeros(len(texel), dtype=np.int64)
-        for k, share in enumerate(_SHARES):
+        for k, share in enumerate(SHARES):
             beside = self.beside[step][texel, k]
             over = half_octaves(np.abs(level[texel] - level[beside])) - np.maximum(noise[texel], noise[beside])
             eighths = np.array(WEIGHTS)[np.clip(over - LEAST_DIFFERENCE, 0, len(WEIGHTS) - 1)]
@@ -178,15 +178,10 @@ class _Field:
     noise: np.ndarray  # (N,) int64: `noise_of`
 
 
-def _fixed(value: np.ndarray) -> np.ndarray:
-    """Light that binary16 holds, float32, in 2**-24: int64."""
-    return (value.astype(np.float64) * 2.0**_VALUE_BITS).astype(np.int64)
-
-
 def _in_half(total: np.ndarray) -> np.ndarray:
     """Sums of light times weights, rounded to float32 and then to binary16, as light in 2**-24 again: int64."""
-    half = float_to_half(total.astype(np.float32) * np.float32(2.0 ** -(_VALUE_BITS + WEIGHT_BITS)))
-    return _fixed(half_to_float(half))
+    half = float_to_half(total.astype(np.float32) * np.float32(2.0 ** -(VALUE_BITS + WEIGHT_BITS)))
+    return in_fixed(half_to_float(half))
 
 
 def mass_of(state: np.ndarray) -> np.ndarray:

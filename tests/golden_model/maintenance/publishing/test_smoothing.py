@@ -9,9 +9,11 @@ import pytest
 from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL_STATE
 from lightloom.golden_model.maintenance.publishing.publisher import Publisher, apply
 from lightloom.golden_model.maintenance.publishing.smoothing import REACH, Smoother
+from lightloom.golden_model.numerics.floats import LARGEST_HALF
 from lightloom.golden_model.scene.lightmap import BURIED, DOWN, RIGHT, VALID, Lightmaps, joined
 from tests.exact import encode, float_divide
 from tests.golden_model.maintenance.publishing.test_publisher import maps_of, ragged_maps
+from tests.needs import needs_numba
 
 SIZES = [(19, 13), (1, 1), (8, 8), (3, 40)]
 TABLE = {-2: 8, -1: 8, 0: 7, 1: 6, 2: 4, 3: 2}
@@ -152,6 +154,26 @@ def test_it_is_what_a_scalar_twin_computes(seed: int) -> None:
     wanted = Twin(maps, state, value).smoothed()
     for p, (a, b) in enumerate(zip(found, wanted, strict=True)):
         assert [int(Fraction(float(v)) * 2**24) for v in a] == b, f"seed {seed}, texel {p}"
+
+
+@needs_numba
+def test_the_compiled_twin_has_the_same_bits() -> None:
+    """Of all texels and of some, in any order; light from nothing to the largest that binary16 holds."""
+    from lightloom.golden_model.maintenance.publishing.smoothing_numba import CompiledSmoother
+
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        maps = ragged_maps(seed, SIZES)
+        state, value = known(maps, seed)
+        value *= rng.choice([0, 2.0**-24, 2.0**-12, 1, 2.0**10], value.shape).astype(np.float32)
+        value = np.minimum(value, LARGEST_HALF).astype(np.float16).astype(np.float32)
+        if seed % 4 == 0:
+            state["count"] = rng.choice([0, 1, ONE_SAMPLE - 1, ONE_SAMPLE, 2 * ONE_SAMPLE - 1, 4095], len(state))
+            state["spread"], state["deviation"] = rng.choice([0, 1, 4095], (2, len(state)))
+        some = rng.permutation(len(state))[: [len(state), 1, 40, 0][seed % 4]]
+        one, two = (kind(maps).smoothed(value, state, some) for kind in (Smoother, CompiledSmoother))
+        wrong = np.flatnonzero((one.view(np.uint32) != two.view(np.uint32)).any(axis=1))
+        assert not len(wrong), f"seed {seed}, texel {some[wrong[0]]}: {one[wrong[0]]}, compiled {two[wrong[0]]}"
 
 
 def test_a_part_is_as_the_whole() -> None:
