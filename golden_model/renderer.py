@@ -186,7 +186,7 @@ class Renderer:
         self.fine = None if scene.coarse is None else fine_triangles(scene)
         self.textures = build_textures(scene.textures)
         self.fraction = fraction_bits(scene, self.sampling.balanced)
-        self.maintainer = Maintainer(lightmaps, scene, self.sampling, self.policy, seed)
+        self.maintainer = Maintainer(lightmaps, scene, self.sampling, self.policy, seed, backend)
         self.publisher = Publisher(lightmaps, smoother_of(lightmaps, backend) if self.pipeline.smoothing else None)
         self.next_frame = 0
         """Number of the frame that `frame` renders next."""

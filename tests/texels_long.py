@@ -25,7 +25,7 @@ from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.golden_model.host.outputs import whole_file
 from lightloom.golden_model.maintenance.sampling import running_average
-from lightloom.golden_model.maintenance.selection import visibility
+from lightloom.golden_model.maintenance.selection import screen_test
 from lightloom.golden_model.models import model_results
 from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.files.load import load_scene
@@ -36,7 +36,7 @@ from lightloom.verif.vectors.unit_vectors import unit_vectors
 from tests import ROOT
 from tests.rtl.agreement import fields_in_hex
 
-CALLERS = {"texel_project": visibility, "texel_match": visibility, "texel_blend": running_average}
+CALLERS = {"texel_project": screen_test, "texel_match": screen_test, "texel_blend": running_average}
 """The units, and the module that calls the model of each for all films."""
 FILMS = ("moving-viewpoint", "introduced-object", "light-switch", "door", "spheres", "bunny-turntable", "outdoor")
 CHUNK = 250_000
@@ -98,7 +98,8 @@ def film(name: str, bulks: dict[str, BulkUnit], frames: int | None) -> list[Row]
         maps = unwrap(scene, trace=Structure(scene).trace, cache=default_cache())
         budget = scene.render.budget
         assert budget is not None, f"{name} says no budget"
-        renderer = Renderer(scene, width=SIZE[0], height=SIZE[1], budget=budget, lightmaps=maps)
+        # NumPy's passes call the models; their compiled twins do not.
+        renderer = Renderer(scene, width=SIZE[0], height=SIZE[1], budget=budget, lightmaps=maps, backend="numpy")
         for _ in range(frames or scene.render.frames or 1):
             renderer.frame()
     return list(rows.values())

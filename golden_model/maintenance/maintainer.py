@@ -69,12 +69,20 @@ class _Spent:
 class Maintainer:
     """The maintained texels of a scene's lightmaps and the policy that chooses among them."""
 
-    def __init__(self, lightmaps: Lightmaps, scene: Scene, sampling: Sampling, policy: Policy, seed: int):
-        """Lightmaps and scene at rest."""
+    def __init__(
+        self,
+        lightmaps: Lightmaps,
+        scene: Scene,
+        sampling: Sampling,
+        policy: Policy,
+        seed: int,
+        backend: str = "numpy",
+    ):
+        """Lightmaps and scene at rest; `backend` as for `trace`."""
         self.sampling, self.policy, self.seed = sampling, policy, seed
         self.state = np.zeros(len(lightmaps.texels), dtype=TEXEL_STATE)
         """TEXEL_STATE (N,)."""
-        self.selector = Selector(lightmaps, scene, policy)
+        self.selector = Selector(lightmaps, scene, policy, backend)
         self._owner = lightmaps.texels["object"]
         self._maps = len(lightmaps.width)
         self._side = sides_of(lightmaps)

@@ -29,3 +29,9 @@ def cached(function: Callable[..., Any]) -> Callable[..., Any]:
     except RuntimeError:  # neither the package's folder nor the user's cache folder can be written
         machine_code = compiled(function)
     return partial(machine_code, np.empty(0, [(f"sources_{fingerprint(function.__module__)}", np.uint8)]))
+
+
+def plain(dtype: np.dtype) -> np.dtype:
+    """A structured dtype with bytes for bools: numba knows no fields of several bools."""
+    fields = [(name, dtype[name].base, dtype[name].shape) for name in dtype.names or ()]
+    return np.dtype([(name, np.uint8 if base == np.bool_ else base, shape) for name, base, shape in fields])

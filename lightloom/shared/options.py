@@ -30,8 +30,8 @@ Traversal = Annotated[
     typer.Option(
         "--backend",
         metavar="auto|numpy|numba",
-        help="What traces rays and smooths maps: NumPy, its compiled twin, or the latter where installed. The bits are "
-        "the same.",
+        help="What traces rays, tests visibility and smooths maps: NumPy, its compiled twin, or the latter where "
+        "installed. The bits are the same.",
     ),
 ]
 Threads = Annotated[

@@ -102,7 +102,7 @@ def refreshed(here: int, value: Any, counts: Any, one: Any, two: Any, out: Any) 
     """As `Smoother._refreshed`, of one texel: light (3,) in 2**-24."""
     for channel in range(3):
         out[channel] = int(float(value[here, channel]) * 2.0**VALUE_BITS)
-    own = int(counts[here])
+    own = np.int64(counts[here])
     if own >= STALE:
         return
     for step in range(2):
@@ -114,7 +114,7 @@ def refreshed(here: int, value: Any, counts: Any, one: Any, two: Any, out: Any) 
         fresh = False
         for k in range(len(_SIXTEENTHS)):
             other = beside[here, k]
-            count = int(counts[other])
+            count = np.int64(counts[other])
             if other == here or count < ONE_SAMPLE:
                 continue
             fresh = True
@@ -190,8 +190,8 @@ def smooth(
         at = which[here]
         refreshed(at, value, counts, one, two, light[here])
         level[here] = luminance(light[here])
-        mass[here] = mass_of(int(counts[at]))
-        noise[here] = noise_of(int(counts[at]), int(spreads[at]), int(deviations[at]), level[here])
+        mass[here] = mass_of(np.int64(counts[at]))
+        noise[here] = noise_of(np.int64(counts[at]), np.int64(spreads[at]), np.int64(deviations[at]), level[here])
 
     mean_level, mean_noise = np.empty(near, np.int64), np.empty(near, np.int64)
     for here in range(near):

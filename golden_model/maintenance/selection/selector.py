@@ -21,9 +21,10 @@ from lightloom.golden_model.maintenance.selection.influence.volumes import volum
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import CLASSES, SHARE, Policy
 from lightloom.golden_model.maintenance.selection.round_robin import RoundRobin
+from lightloom.golden_model.maintenance.selection.screen_test import Sight
 from lightloom.golden_model.maintenance.selection.tracking import most_worth
 from lightloom.golden_model.maintenance.selection.variability import Variability
-from lightloom.golden_model.maintenance.selection.visibility import Sight, Visibility
+from lightloom.golden_model.maintenance.selection.visibility import Visibility
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, row_and_column
 from lightloom.golden_model.scene.pinhole import View
 from lightloom.golden_model.scene.scene import Scene
@@ -125,8 +126,8 @@ class Plan:
 class Selector:
     """The selection of one scene's lightmaps over a sequence of frames."""
 
-    def __init__(self, lightmaps: Lightmaps, scene: Scene, policy: Policy | None = None):
-        """Lightmaps and scene at rest."""
+    def __init__(self, lightmaps: Lightmaps, scene: Scene, policy: Policy | None = None, backend: str = "numpy"):
+        """Lightmaps and scene at rest; `backend` as for `trace`."""
         self.policy = policy or Policy()
         self.order = coarse_to_fine(lightmaps, self.policy.together)
         """The texels in the order in which they are read and take their turns, (V,) int64."""
@@ -137,7 +138,7 @@ class Selector:
         self._variability = Variability(lightmaps, windows, self.policy)
         memory = self._variability.by_region
         exists = lightmaps.texels["state"][memory] == VALID
-        self._visibility = Visibility(windows, memory[exists], self.policy)
+        self._visibility = Visibility(windows, memory[exists], self.policy, backend)
         self._sweep, self._probe = RoundRobin(), RoundRobin()
         self._sweep_share, self._probe_share = Share(self.policy.sweep), Share(self.policy.probe)
         self._turns = [RoundRobin() for _ in range(CLASSES)]

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from lightloom.golden_model.contract.formats import BOX_RAY, BOX_WIDTHS, NODE_EXPONENT_MAX, POSITION_BIAS, WIDTH
-from lightloom.golden_model.tracing.compiled import compiled
+from lightloom.golden_model.tracing.compiled import compiled, plain
 from lightloom.golden_model.tracing.wide_bvh import node_test
 
 corner_distance = compiled(node_test.corner_distance)
@@ -13,12 +13,6 @@ base_products = compiled(node_test.base_products)
 planes_met = compiled(node_test.planes_met)
 plane_products = compiled(node_test.plane_products)
 saturated = compiled(node_test.saturated)
-
-
-def plain(dtype: np.dtype) -> np.dtype:
-    """A structured dtype with bytes for bools: numba knows no fields of several bools."""
-    fields = [(name, dtype[name].base, dtype[name].shape) for name in dtype.names or ()]
-    return np.dtype([(name, np.uint8 if base == np.bool_ else base, shape) for name, base, shape in fields])
 
 
 COMPILED_RAY = plain(BOX_RAY)

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from lightloom.golden_model.contract.formats import LIKELY, RAY, SEEN
 from lightloom.golden_model.maintenance.publishing.regions import regions_of
 from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
+from lightloom.golden_model.maintenance.selection.screen_test import Sight
 from lightloom.golden_model.maintenance.selection.selector import FrameContext, Plan, Selector, coarse_to_fine
-from lightloom.golden_model.maintenance.selection.visibility import Sight
 from lightloom.golden_model.scene.lightmap import VALID
 from tests.golden_model.maintenance.publishing.test_publisher import maps_of
 from tests.golden_model.selection_scenes import Stage, cornell, visited

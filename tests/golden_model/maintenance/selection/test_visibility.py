@@ -9,17 +9,14 @@ from lightloom.golden_model.contract.formats import GBUFFER, HIDDEN, LIKELY, SEE
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.maintenance.selection.predicted_view import extrapolated, predicted_view
+from lightloom.golden_model.maintenance.selection.screen_test import Sight, screen_test
 from lightloom.golden_model.maintenance.selection.selector import coarse_to_fine
-from lightloom.golden_model.maintenance.selection.visibility import (
-    Sight,
-    Visibility,
-    eye_rays,
-    screen_test,
-)
+from lightloom.golden_model.maintenance.selection.visibility import Visibility, eye_rays
 from lightloom.golden_model.numerics.vectors import vector
 from lightloom.golden_model.scene.lightmap import VALID
 from lightloom.golden_model.scene.scene import Camera
 from tests.golden_model.selection_scenes import Stage, cornell, read_by_pixels, visited
+from tests.needs import needs_numba
 
 STAGE = cornell(24.0)
 PLAIN = replace(Policy(), prediction=0)
@@ -144,6 +141,52 @@ def test_degrees_of_a_plate_behind_a_plate() -> None:
     loose = replace(PLAIN, depth_texels=0, depth_limit=1.0)
     slanted = screen_test(shifted, tilted.repeat(2, axis=0), view, gbuffer, 0.0, loose)
     assert slanted.degree.tolist() == [SEEN, LIKELY]
+
+
+NUMBERS = np.array([0, -0.0, 2.0**-140, -(2.0**-126), 1, -1, 3e38, -3e38, np.inf, -np.inf, np.nan], dtype=np.float32)
+"""Of operands that no scene has."""
+
+
+@needs_numba
+@pytest.mark.parametrize("seed", range(12))
+def test_the_compiled_twin_says_the_same(seed: int) -> None:
+    """Texels in sight and out of it, at borders and depths of pixels; from the eighth seed on also any numbers."""
+    from lightloom.golden_model.maintenance.selection import screen_test_numba
+
+    rng = np.random.default_rng(seed)
+    view = STAGE.context(0, 48).view
+    gbuffer = np.zeros((view.height, view.width), dtype=GBUFFER)
+    gbuffer["depth"] = rng.choice([2, 4, 4.01, 8, np.inf], gbuffer.shape)
+    gbuffer["normal"] = rng.choice([(0, 0, 1), (0.6, 0, 0.8), (0, 0.8, 0.6), (-0.3, 0.9, 0.1)], gbuffer.shape)
+    gbuffer["lod"] = rng.integers(-(2**9), 2**11, gbuffer.shape)
+    # Out from the eye through some place of the picture or beside it, on a pixel's border every other time.
+    at = rng.uniform(-0.6, 0.6, (4000, 2)) * (view.width, view.height)
+    at[::2] = np.rint(at[::2] * 2) / 2
+    depth = rng.choice([2, 4, 4.02, 8], len(at)) * rng.choice([1, 1, 1.001, 0.99, -1], len(at))
+    local = np.stack([at[:, 0] / view.focal * depth, at[:, 1] / view.focal * depth, depth], axis=1)
+    position = (view.position + local @ np.stack([view.right, view.up, view.forward])).astype(np.float32)
+    normal = (gbuffer["normal"].reshape(-1, 3)[rng.integers(gbuffer.size, size=len(at))]).astype(np.float32)
+    if seed >= 8:
+        for values in (position, normal, gbuffer["depth"]):
+            odd = rng.random(values.shape) < 0.05
+            values[odd] = rng.choice(NUMBERS, int(odd.sum()))
+    degrees = set()
+    for by_normal, by_depth in ((1, 1), (1, 0), (0, 1), (0, 0)):
+        rules = replace(
+            PLAIN,
+            normal_test=bool(by_normal),
+            depth_test=bool(by_depth),
+            facing_slack=float(rng.choice([0, 0.25, 1])),
+            depth_limit=float(rng.choice([0, 0.1, 1])),
+        )
+        size = float(rng.choice([0, 0.02, 0.5]))
+        one, two = (
+            test(position, normal, view, gbuffer, size, rules) for test in (screen_test, screen_test_numba.screen_test)
+        )
+        wrong = np.flatnonzero((one.degree != two.degree) | (one.lod != two.lod))
+        assert not len(wrong), f"seed {seed}, {rules}, texel {wrong[0]}: {position[wrong[0]]}, {normal[wrong[0]]}"
+        degrees |= set(one.degree.tolist())
+    assert degrees == {UNSEEN, HIDDEN, LIKELY, SEEN}
 
 
 def test_level_of_detail_comes_from_the_gbuffer() -> None:
