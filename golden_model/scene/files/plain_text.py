@@ -29,6 +29,17 @@ def whole(word: str) -> int:
     return _number(int, word)
 
 
+def differs(words: list[str], neutral: float) -> bool:
+    """Whether any of the words is a number other than `neutral`; words that are no numbers say nothing."""
+    for word in words:
+        try:
+            if real(word) != neutral:
+                return True
+        except ValueError:
+            continue
+    return False
+
+
 def _number(kind: Callable[[str], Number], word: str) -> Number:
     if "_" not in word and word.isascii():
         try:

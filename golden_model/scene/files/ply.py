@@ -1,7 +1,7 @@
 """PLY files, text and binary of both byte orders, to the one part that they hold.
 
-Read are the vertices with their normals and texture coordinates, and the faces, polygons of any number of corners;
-what else would be seen is said to be left out.
+Read are the vertices with their normals and texture coordinates, and the faces, polygons of any number of corners; all
+else is said to be left out, but for what scanners note of a vertex (UNSEEN).
 """
 
 import re
@@ -33,6 +33,16 @@ TYPES = {
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 COORDINATES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"))
 """Names that programs give to texture coordinates."""
+
+NORMAL = ("nx", "ny", "nz")
+FACES = ("vertex_indices", "vertex_index")
+"""Names of the list of a face's vertices; the first that is there counts."""
+
+COLOUR = re.compile(r"((ambient|diffuse|specular)_)?(red|green|blue|alpha|r|g|b|a)|(ambient|diffuse|specular)_coeff")
+"""Names of colours."""
+
+UNSEEN = frozenset(("confidence", "intensity", "quality", "flags"))
+"""What programs note of a vertex or a face that nobody sees."""
 
 
 @dataclass(frozen=True)
@@ -81,11 +91,25 @@ def load_ply(path: Path) -> list[Part]:
     for element in elements:
         if element.name not in ("vertex", "face") and element.count:
             remarks.leave_out(f"`{element.name}`")
-        if any(prop.name in ("red", "diffuse_red") for prop in element.properties):
-            remarks.leave_out(f"colours of `{element.name}`")
+        elif element.count:
+            _leave_out(remarks, element)
     part = _part(path, remarks, found.get("vertex", {}), found.get("face", {}))
     remarks.say()
     return [] if part is None else [part]
+
+
+def _leave_out(remarks: Remarks, element: _Element) -> None:
+    """What is not read of vertices or faces."""
+    names = [prop.name for prop in element.properties]
+    if element.name == "vertex":
+        read = {"x", "y", "z", *NORMAL, *(name for pair in COORDINATES for name in pair)}
+    else:
+        read = {"texcoord", *[name for name in FACES if name in names][:1]}
+    for name in names:
+        if COLOUR.fullmatch(name):
+            remarks.leave_out(f"colours of `{element.name}`")
+        elif name not in read and name not in UNSEEN:
+            remarks.leave_out(f"`{name}` of `{element.name}`")
 
 
 def _damaged(path: Path, reason: str) -> InputError:
@@ -100,12 +124,12 @@ def _header(path: Path, data: bytes) -> tuple[str, list[_Element], list[str], in
         raise _damaged(path, "no header")
     elements: list[_Element] = []
     comments = []
-    order = None
+    order, version = None, ""
     for line in data[: end.start()].decode("ascii", errors="backslashreplace").splitlines()[1:]:
         words = line.split()
         try:
-            if words[:1] == ["format"]:
-                order = ORDERS[words[1]]
+            if words[:1] == ["format"] and order is None:
+                order, version = ORDERS[words[1]], words[2]
             elif words[:1] == ["element"]:
                 elements.append(_Element(words[1], whole(words[2])))
             elif words[:2] == ["property", "list"]:
@@ -127,6 +151,8 @@ def _header(path: Path, data: bytes) -> tuple[str, list[_Element], list[str], in
                 raise _damaged(path, f"two {what} have the name `{name}`")
     if order is None or any(element.count < 0 for element in elements):
         raise _damaged(path, "no format, or a negative count in its header")
+    if version != "1.0":
+        raise InputError(f"{path}: is of PLY {version[:20]}; only 1.0 is read")
     return order, elements, comments, end.end()
 
 
@@ -273,7 +299,7 @@ def _length(found: np.ndarray) -> int:
 
 
 def _part(path: Path, remarks: Remarks, vertex: _Values, face: _Values) -> Part | None:
-    faces = face.get("vertex_indices", face.get("vertex_index"))
+    faces = next((face[name] for name in FACES if name in face), None)
     if faces is not None and not isinstance(faces, _Lists):
         raise _damaged(path, "the vertices of its faces are no lists")
     if faces is None or not len(faces.sizes):
@@ -301,14 +327,20 @@ def _part(path: Path, remarks: Remarks, vertex: _Values, face: _Values) -> Part 
     index = corners[triangles.corner]
     with np.errstate(over="ignore"):
         rounded = points[index].astype(np.float32)
+    normals = _normals(vertex, index)
+    uv = _texture_coordinates(vertex, face, faces, keep[named], index, triangles.corner)
+    if normals is None and any(name in vertex for name in NORMAL):
+        remarks.leave_out_some("normals")
+    if uv is None and ("texcoord" in face or any(name in vertex for pair in COORDINATES for name in pair)):
+        remarks.leave_out_some("texture coordinates")
     return Part(
         name=path.stem,
         corners=rounded,
-        normals=_normals(vertex, index),
+        normals=normals,
         albedo=np.array([DEFAULT_ALBEDO], dtype=np.float32),
         emission=np.zeros((1, 3), dtype=np.float32),
         material=np.zeros(len(index), dtype=np.int32),
-        texture_uv=_texture_coordinates(vertex, face, faces, keep[named], index, triangles.corner),
+        texture_uv=uv,
     )
 
 
@@ -321,7 +353,7 @@ def _columns(vertex: _Values, names: tuple[str, ...]) -> np.ndarray | None:
 
 def _normals(vertex: _Values, index: np.ndarray) -> np.ndarray | None:
     """Unit normals at the corners, None where there are none, or one that has no direction: then they are derived."""
-    given = _columns(vertex, ("nx", "ny", "nz"))
+    given = _columns(vertex, NORMAL)
     if given is None:
         return None
     return unit_normals(given[index])

@@ -6,6 +6,9 @@ import numpy as np
 
 from lightloom.golden_model.host.errors import InputError, warn
 
+MOST_NAMES = 20
+"""Of what is left out; of a file of another kind each word may be a name."""
+
 
 class Remarks:
     """Remarks on one file."""
@@ -19,6 +22,10 @@ class Remarks:
     def leave_out(self, name: str) -> None:
         """Something that is not read, by the name that the format has for it; the same name counts once."""
         self._left_out[name] = None
+
+    def leave_out_some(self, name: str) -> None:
+        """What is needed of every corner or vertex, and is not there or cannot be used for one of them."""
+        self.leave_out(f"{name} of objects in which one is missing or cannot be used")
 
     def clamped(self, colour: np.ndarray, most: float | None, what: str) -> list[float]:
         """A colour brought to 0 or more and, if there is a `most`, to that or less.
@@ -43,7 +50,9 @@ class Remarks:
     def say(self) -> None:
         """Warns of what there is."""
         if self._left_out:
-            warn(f"{self.path}: left out: {', '.join(self._left_out)}")
+            names = list(self._left_out)
+            more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+            warn(f"{self.path}: left out: {', '.join(names[:MOST_NAMES])}{more}")
         if self._clamped:
             number = f"{len(self._clamped)} colour{'s' if len(self._clamped) > 1 else ''}"
             first = next(iter(self._clamped))

@@ -7,6 +7,9 @@ from pathlib import Path
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.scene.files.plain_text import without_mark
 
+LONGEST_WORD = 20
+"""Characters that are shown of a word; in a file of another kind it may be of any length."""
+
 
 def lines(path: Path) -> Iterator[tuple[int, str, str]]:
     """(line number, first word, the rest) of every line that holds something.

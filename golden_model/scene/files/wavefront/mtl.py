@@ -1,7 +1,8 @@
 """Wavefront MTL, the materials of an OBJ file: `Kd` is the albedo, `Ke` the emission.
 
 What is missing or out of range is said, and a default takes its place: OBJ files are passed around without their
-materials, and programs write colours that are a rounding error too large.
+materials, and programs write colours that are a rounding error too large. Words are read in any case, as other readers
+do; those that are not read and would be seen, or are not known, are said to be left out.
 """
 
 import re
@@ -11,19 +12,19 @@ import numpy as np
 
 from lightloom.golden_model.host.errors import InputError, warn
 from lightloom.golden_model.scene.files.named_files import lack
-from lightloom.golden_model.scene.files.plain_text import real
+from lightloom.golden_model.scene.files.plain_text import differs, real
 from lightloom.golden_model.scene.files.remarks import Remarks
-from lightloom.golden_model.scene.files.wavefront.lines import lines
+from lightloom.golden_model.scene.files.wavefront.lines import LONGEST_WORD, lines
 from lightloom.golden_model.scene.parts import DEFAULT_ALBEDO
 
 Colours = tuple[list[float], list[float]]
 """Albedo and emission."""
 
-NEUTRAL = {"Ks": 0.0, "d": 1.0, "Tr": 0.0, "Tf": 1.0, "Pm": 0.0, "Pc": 0.0, "Ps": 0.0}
+NEUTRAL = {"ks": 0.0, "d": 1.0, "tr": 0.0, "tf": 1.0, "pm": 0.0, "pc": 0.0, "ps": 0.0}
 """What is not read, with the value that leaves a surface as it is without."""
 
-PICTURES = re.compile(r"map_|bump|disp|decal|refl|norm")
-"""How the words for textures begin."""
+UNSEEN = frozenset(("ka", "ns", "ni", "illum", "sharpness", "pr", "pcr", "aniso", "anisor"))
+"""Words that change nothing of a diffuse surface without those above: ambient light, highlights, models of light."""
 
 
 class Materials:
@@ -86,21 +87,25 @@ def _load_mtl(path: Path) -> dict[str, Colours]:
     twice: list[str] = []
     colours: Colours | None = None
     material = ""
-    for line, key, text in lines(path):
+    for line, written, text in lines(path):
         where = f"{path}, line {line}"
+        key = written.lower()
         if key == "newmtl":
             twice += [text] if text in out else []
             material = text
             out[text] = colours = (list(DEFAULT_ALBEDO), [0.0, 0.0, 0.0])
         elif colours is None:
-            continue
-        elif key in ("Kd", "Ke"):
-            colour = _colour(f"{where}: `{key}` of material {material}", text.split())
-            most = 1 if key == "Kd" else None
-            what = f"line {line}: {key} {text} of material {material}"
-            colours[key == "Ke"][:] = remarks.clamped(colour, most, what)
-        elif PICTURES.match(key) or (key in NEUTRAL and _differs(text, NEUTRAL[key])):
-            remarks.leave_out(f"`{key}`")
+            remarks.leave_out("what stands before the first `newmtl`")
+        elif key in ("kd", "ke"):
+            values = text.split()
+            colour = _colour(f"{where}: `{written}` of material {material}", values)
+            most = 1 if key == "kd" else None
+            what = f"line {line}: {written} {text} of material {material}"
+            colours[key == "ke"][:] = remarks.clamped(colour, most, what)
+            if len(values) > 3:
+                remarks.leave_out(f"what follows the third number of `{written}`")
+        elif key not in UNSEEN and (key not in NEUTRAL or differs(text.split(), NEUTRAL[key])):
+            remarks.leave_out(f"`{written[:LONGEST_WORD]}`")
     remarks.say()
     if twice:
         warn(f"{path}: material {', '.join(dict.fromkeys(twice))} is defined twice; the last one counts")
@@ -116,14 +121,3 @@ def _colour(where: str, values: list[str]) -> np.ndarray:
     except ValueError:
         raise InputError(f"{where} needs one or three numbers; the file may be damaged or cut off") from None
     return np.array([red, green, blue])
-
-
-def _differs(text: str, neutral: float) -> bool:
-    """Whether any of the numbers is another one; words that are no numbers say nothing."""
-    for word in text.split():
-        try:
-            if real(word) != neutral:
-                return True
-        except ValueError:
-            continue
-    return False

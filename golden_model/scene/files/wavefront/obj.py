@@ -1,8 +1,8 @@
 """Wavefront OBJ: a strict reader that says which line cannot be used.
 
 (General loaders let NaN, missing materials and indices out of range pass, or fail far from the line at fault.)
-Read are `v`, `vn`, `vt`, `f` (polygons become triangles, negative indices count back), `o` (an object each), `usemtl`
-and `mtllib`. What else would be seen is said to be left out; groups, smoothing and comments are ignored.
+Read are `v`, `vn`, `vt`, `f` and its old form `fo` (polygons become triangles, negative indices count back), `o` (an
+object each), `usemtl` and `mtllib`. All else is said to be left out, but for groups, smoothing and the like (UNSEEN).
 """
 
 from pathlib import Path
@@ -10,17 +10,21 @@ from pathlib import Path
 import numpy as np
 
 from lightloom.golden_model.host.errors import InputError
-from lightloom.golden_model.scene.files.plain_text import real, whole
+from lightloom.golden_model.scene.files.plain_text import differs, real, whole
 from lightloom.golden_model.scene.files.polygons import triangulated
 from lightloom.golden_model.scene.files.remarks import Remarks
-from lightloom.golden_model.scene.files.wavefront.lines import lines
+from lightloom.golden_model.scene.files.wavefront.lines import LONGEST_WORD, lines
 from lightloom.golden_model.scene.files.wavefront.mtl import Colours, Materials
 from lightloom.golden_model.scene.mesh import unit_normals
 from lightloom.golden_model.scene.parts import Part
 
-SEEN = frozenset(("l", "p", "curv", "curv2", "surf", "call", "usemap"))
-"""Words for what would be seen: lines, points, curves and curved surfaces, other files, textures."""
+OF_CURVES = frozenset(
+    ("vp", "cstype", "deg", "bmat", "step", "parm", "trim", "hole", "scrv", "sp", "end", "con", "ctech", "stech")
+)
+"""Words for parts of curves and curved surfaces, which are said by what they belong to."""
 
+UNSEEN = frozenset(("g", "s", "mg", "bevel", "c_interp", "d_interp", "lod", "maplib")) | OF_CURVES
+"""Words that would not be seen, or not by themselves. What is not known may be: points, lines, other files."""
 
 MOST = 2**31
 """Numbers of vertices that a face may name before they are known; no file holds so many."""
@@ -55,11 +59,15 @@ def load_obj(path: Path) -> list[Part]:
             vertices.append(_three(where, key, values))
             if len(values) >= 6:
                 remarks.leave_out("colours of vertices")
+            elif differs(values[3:], 1):
+                remarks.leave_out("weights of vertices")
         elif key == "vn":
             normals.append(_three(where, key, values))
         elif key == "vt":
             coordinates.append(_two(where, key, values))
-        elif key == "f":
+            if differs(values[2:], 0):
+                remarks.leave_out("third coordinates of `vt`")
+        elif key in ("f", "fo"):
             if len(values) < 3:
                 raise InputError(f"{where}: a face needs three or more corners; the file may be cut off")
             faces = objects[-1]
@@ -74,21 +82,21 @@ def load_obj(path: Path) -> list[Part]:
             materials.use(material, line)
         elif key == "mtllib":
             materials.load(text, line)
-        elif key in SEEN:
-            remarks.leave_out(f"`{key}`")
+        elif key not in UNSEEN:
+            remarks.leave_out(f"`{key[:LONGEST_WORD]}`")
     colours = materials.colours()
     points = np.array(vertices, dtype=np.float64).reshape(-1, 3)
     directions = np.array(normals, dtype=np.float64).reshape(-1, 3)
     pictured = np.array(coordinates, dtype=np.float64).reshape(-1, 2)
     crossing: list[int] = []
-    parts = [_part(path, item, points, directions, pictured, colours, crossing) for item in objects if item.sizes]
+    parts = [_part(remarks, item, points, directions, pictured, colours, crossing) for item in objects if item.sizes]
     remarks.crossing(len(crossing), f"line {min(crossing, default=0)}")
     remarks.say()
     return parts
 
 
 def _part(
-    path: Path,
+    remarks: Remarks,
     item: _Faces,
     points: np.ndarray,
     directions: np.ndarray,
@@ -103,9 +111,8 @@ def _part(
         outside = corners[:, column] >= len(there)
         if outside.any():
             face = int(np.repeat(np.arange(len(sizes)), sizes)[np.argmax(outside)])
-            raise InputError(
-                f"{path}, line {item.line[face]}: a face names a {what} that does not exist; the file has {len(there)}"
-            )
+            where = f"{remarks.path}, line {item.line[face]}"
+            raise InputError(f"{where}: a face names a {what} that does not exist; the file has {len(there)}")
     triangles = triangulated(points, corners[:, 0], sizes)
     crossing += [item.line[face] for face in triangles.crossing]
     index = corners[triangles.corner]
@@ -114,14 +121,19 @@ def _part(
     of_face = np.array([number[name] for name in item.material], dtype=np.int32)
     with np.errstate(over="ignore"):
         rounded = points[index[..., 0]].astype(np.float32)
+    unit = _unit_normals(directions, index[..., 1])
+    pictured = _texture_coordinates(coordinates, index[..., 2])
+    for what, found, column in (("`vn`", unit, 1), ("`vt`", pictured, 2)):
+        if found is None and (index[..., column] >= 0).any():
+            remarks.leave_out_some(what)
     return Part(
         name=item.name,
         corners=rounded,
-        normals=_unit_normals(directions, index[..., 1]),
+        normals=unit,
         albedo=np.array([colours[name][0] for name in names], dtype=np.float32),
         emission=np.array([colours[name][1] for name in names], dtype=np.float32),
         material=of_face[triangles.face],
-        texture_uv=_texture_coordinates(coordinates, index[..., 2]),
+        texture_uv=pictured,
     )
 
 
@@ -161,12 +173,13 @@ def _corner(where: str, word: str, vertices: int, normals: int, coordinates: int
     """`v`, `v/vt`, `v//vn` or `v/vt/vn` to the numbers of vertex, normal and texture point, from 0; -1 for none."""
     parts = word.split("/")
     try:
-        vertex = whole(parts[0])
-        normal = whole(parts[2]) if len(parts) > 2 and parts[2] else 0
-        texture = whole(parts[1]) if len(parts) > 1 and parts[1] else 0
+        if len(parts) > 3:
+            raise ValueError
+        given = [whole(part) if part else None for part in parts] + [None, None]
+        vertex, texture, normal = (number or 0 for number in given[:3])
     except ValueError:
         raise InputError(f"{where}: {word!r} is not a corner of a face; the file may be damaged or cut off") from None
-    absent = vertex == 0 or "0" in parts or vertex < -vertices or normal < -normals or texture < -coordinates
+    absent = vertex == 0 or 0 in given or vertex < -vertices or normal < -normals or texture < -coordinates
     if absent or max(vertex, normal, texture) > MOST:
         raise InputError(f"{where}: a face names a vertex, normal or `vt` that does not exist; numbers begin with 1")
     return (

@@ -129,6 +129,38 @@ def test_what_would_be_seen_is_said_to_be_left_out(tmp_path: Path) -> None:
     assert said == ["left out: TextureFile, colours of `vertex`, `edge`"]
 
 
+@pytest.mark.parametrize(
+    ("more", "face", "row", "left_out"),
+    [
+        ("uchar r\nproperty uchar g\nproperty uchar b", ONE, "3 0 1 2", "colours of `vertex`"),
+        ("uchar diffuse_red", ONE, "3 0 1 2", "colours of `vertex`"),
+        ("uchar alpha", ONE, "3 0 1 2", "colours of `vertex`"),
+        ("float radius", ONE, "3 0 1 2", "`radius` of `vertex`"),
+        ("float confidence\nproperty float intensity", ONE, "3 0 1 2", None),
+        ("float nx\nproperty float ny", ONE, "3 0 1 2", "normals of objects in which one is missing or cannot be used"),
+        ("float s", ONE, "3 0 1 2", "texture coordinates of objects in which one is missing or cannot be used"),
+        (None, ONE + "\nproperty uchar red", "3 0 1 2 255", "colours of `face`"),
+        (None, ONE + "\nproperty int material_index", "3 0 1 2 1", "`material_index` of `face`"),
+        (None, ONE + "\nproperty list uchar int vertex_index", "3 0 1 2 3 2 1 0", "`vertex_index` of `face`"),
+        (
+            None,
+            ONE + "\nproperty list uchar float texcoord",
+            "3 0 1 2 2 0 0",
+            "texture coordinates of objects in which one is missing or cannot be used",
+        ),
+    ],
+)
+def test_properties_that_are_not_read_are_said(
+    tmp_path: Path, more: str | None, face: str, row: str, left_out: str | None
+) -> None:
+    vertex = XYZ + ("" if more is None else f"\nproperty {more}")
+    extra = " 0" * (0 if more is None else more.count("property") + 1)
+    rows = "".join(f"{point}{extra}\n" for point in ("0 0 0", "1 0 0", "0 1 0"))
+    part, said = load(tmp_path, text(vertex, face, f"{rows}{row}\n"))
+    assert part.corners.tolist() == [[[0, 0, 0], [1, 0, 0], [0, 1, 0]]]
+    assert said == ([] if left_out is None else [f"left out: {left_out}"])
+
+
 def test_faces_that_cross_themselves_are_told(tmp_path: Path) -> None:
     _, said = load(tmp_path, written("ascii").replace(b"4 0 1 2 3", b"5 0 1 2 4 3"))
     assert said == ["faces that cross themselves, 1 in all (first: face 1), are cut into triangles as well as can be"]
@@ -166,6 +198,8 @@ def test_faces_that_cross_themselves_are_told(tmp_path: Path) -> None:
         (b"element face 3", b"element lost 9\nelement face 3", "lost has no properties"),
         (b"format ascii 1.0", b"format text 1.0", "header line 'format text 1.0'"),
         (b"format ascii 1.0", b"", "no format"),
+        (b"format ascii 1.0", b"format ascii 1.1", "is of PLY 1.1; only 1.0 is read"),
+        (b"format ascii 1.0", b"format ascii 1.0\nformat ascii 1.0", "header line 'format ascii 1.0'"),
         (b"end_header", b"", "no header"),
         (b"ply", b"plx", "no header"),
     ],

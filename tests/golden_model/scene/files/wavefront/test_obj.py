@@ -45,6 +45,7 @@ def load(folder: Path, text: str | bytes, **materials: str) -> tuple[Part, list[
         TRIANGLE.replace("f 2 3 4", "f 2 \\\n3\\\n 4 # and \\").encode(),
         TRIANGLE.replace("f 2 3 4\n", "f 2 3 4 \\").encode(),
         TRIANGLE.replace("f 2 3 4", "f -3 -2 -1").encode(),
+        TRIANGLE.replace("f 2 3 4", "fo 2 3 4").encode(),
         TRIANGLE.replace("f 2 3 4", "f -3 -2 -1\nv 9 9 9").encode(),
         b"# \xff\xfe caf\xe9\n" + TRIANGLE.encode() + b"# end",
         TRIANGLE.replace("v 0 5 0", "\tv  0\t5  0 # top").encode(),
@@ -234,6 +235,56 @@ def test_what_would_be_seen_is_said_to_be_left_out(tmp_path: Path) -> None:
     ]
 
 
+def test_statements_that_are_not_known_are_said(tmp_path: Path) -> None:
+    """By name; those of curves by the curve. Of very many names the first ones."""
+    known = "g a\ns off\nmg 1 2\nlod 3\nbevel on\nvp 0 1\ncstype bezier\ndeg 3\nparm u 0 1\nend\n"
+    _, said = load(tmp_path, TRIANGLE + known + "F 2 3 4\nbzp 1\nsurf 0 1 0 1 1 2 3 4\nshadow_obj a.obj\n")
+    assert said == ["mesh.obj: left out: `F`, `bzp`, `surf`, `shadow_obj`"]
+    _, said = load(tmp_path, TRIANGLE + "".join(f"{k}{'x' * 30}\n" for k in range(100, 140)))
+    (line,) = said
+    assert line.startswith("mesh.obj: left out: `100xxxxxxxxxxxxxxxxx`, `101xxx")
+    assert line.endswith("`119xxxxxxxxxxxxxxxxx` and 20 more")
+
+
+@pytest.mark.parametrize(
+    ("text", "left_out"),
+    [
+        (TRIANGLE.replace("v 0 5 0", "v 0 5 0 2"), "weights of vertices"),
+        (TRIANGLE.replace("v 0 5 0", "v 0 5 0 1.0"), None),
+        (TRIANGLE + "vt 0 0 0\n", None),
+        (TRIANGLE + "vt 0 0 0.5\n", "third coordinates of `vt`"),
+        (TRIANGLE + "vn 0 1 0\nf 2//1 3//1 4\n", "`vn` of objects in which one is missing or cannot be used"),
+        (TRIANGLE + "vn 0 0 0\no b\nf 2//1 3//1 4//1\n", "`vn` of objects in which one is missing or cannot be used"),
+        (TRIANGLE + "vt 0 0\nf 2/1 3/1 4\n", "`vt` of objects in which one is missing or cannot be used"),
+    ],
+)
+def test_numbers_that_are_not_used_are_said(tmp_path: Path, text: str, left_out: str | None) -> None:
+    (tmp_path / "mesh.obj").write_text(text)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        load_mesh(tmp_path / "mesh.obj")
+    expected = [] if left_out is None else [f"{tmp_path / 'mesh.obj'}: left out: {left_out}"]
+    assert [str(warning.message) for warning in said] == expected
+
+
+def test_words_of_materials_in_any_case(tmp_path: Path) -> None:
+    part, said = load(tmp_path, PAINTED.format("m.mtl"), m="NEWMTL a\nKD 1 0 0\nnewmtl l\nkd 0 1 0\nke 5 5 5\n")
+    assert part.albedo.tolist() == [[1, 0, 0], [0, 1, 0]]
+    assert part.emission.tolist() == [[0, 0, 0], [5, 5, 5]]
+    assert not said
+
+
+def test_words_of_materials_that_are_not_known_are_said(tmp_path: Path) -> None:
+    """Also what belongs to no material, and numbers behind a colour."""
+    material = "Kd 1 0 0\nnewmtl a\nKd 0 1 0 1\nKt 1 1 1\nPr 0.5\nnewmtl l\nks 1 1 1\nMap_Kd a.png\n"
+    part, said = load(tmp_path, PAINTED.format("m.mtl"), m=material)
+    assert part.albedo.tolist() == [[0, 1, 0], GREY]
+    assert said == [
+        "m.mtl: left out: what stands before the first `newmtl`, what follows the third number of `Kd`, `Kt`, `ks`, "
+        "`Map_Kd`"
+    ]
+
+
 # --- refusals -----------------------------------------------------------------------------------------------------
 
 
@@ -252,7 +303,9 @@ def test_what_would_be_seen_is_said_to_be_left_out(tmp_path: Path) -> None:
         ("f 1 2 3 -5", "line 6: a face names a vertex, normal or `vt` that does not exist"),
         ("f 1 2", "line 6: a face needs three or more corners"),
         ("f 1 2 \\\n", "line 7: a face needs three or more corners"),
-        ("f 1/2/3/x 2 y", "line 6: 'y' is not a corner of a face"),
+        ("f 1/2/3/x 2 y", "line 6: '1/2/3/x' is not a corner of a face"),
+        ("f 1 2 y", "line 6: 'y' is not a corner of a face"),
+        ("vt 0 0\nf 1/00 2 3", "line 7: a face names a vertex, normal or `vt` that does not exist"),
         ("vt", "line 6: `vt` needs one or two numbers"),
     ],
 )
