@@ -34,6 +34,8 @@ class Expected:
     albedo: np.ndarray
     emission: np.ndarray
     texture_uv: np.ndarray | None
+    partly: bool = False
+    """Whether some of its primitives have texture coordinates and others have none."""
 
 
 @dataclass
@@ -215,6 +217,7 @@ class RandomFile:
             albedo=np.repeat([albedo for albedo, _ in colours], counts, axis=0).astype(np.float32),
             emission=np.repeat([emission for _, emission in colours], counts, axis=0).astype(np.float32),
             texture_uv=uv,
+            partly=uv is None and any(piece.uv is not None for piece in pieces),
         )
 
     def _in_order(self) -> list[Expected]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.errors import InputError, warn
 from lightloom.golden_model.scene.files.named_files import lack
 
 LARGEST_SIDE = 16384
@@ -18,6 +18,11 @@ CHECKER_DARK = 0.25
 """Dark squares of the built-in checker, as a part of the albedo; the light ones have all of it."""
 
 BUILTIN = ("checker",)
+
+NARROW_MODES = frozenset(
+    ("1", "L", "LA", "La", "P", "PA", "RGB", "RGBA", "RGBa", "RGBX", "CMYK", "YCbCr", "LAB", "HSV")
+)
+"""Pillow's names for pictures of 8 bits a channel or fewer; it cuts the values of others off at 255."""
 
 
 @functools.cache
@@ -57,7 +62,10 @@ def checker() -> np.ndarray:
 
 
 def load_texture(path: Path, where: str) -> np.ndarray:
-    """The picture of a file. `where` begins the message of the InputError for one that cannot be used."""
+    """The picture of a file; of what it has besides colours it is said that it is left out.
+
+    `where` begins that line, and the message of the InputError for a picture that cannot be used.
+    """
     from PIL import Image  # only scenes with textures need it
 
     if lack(path):
@@ -66,6 +74,10 @@ def load_texture(path: Path, where: str) -> np.ndarray:
         with Image.open(path) as picture:
             if max(picture.size) > LARGEST_SIDE:
                 raise InputError(f"{where}: {path} is larger than {LARGEST_SIDE} pixels a side")
+            if picture.mode not in NARROW_MODES:
+                raise InputError(f"{where}: {path} has more than 8 bits a channel ({picture.mode}); save it with 8")
+            if picture.has_transparency_data and np.asarray(picture.convert("RGBA"))[..., 3].min() < 255:
+                warn(f"{where}: {path}: left out: alpha")
             codes = np.asarray(picture.convert("RGB"))
     except InputError:
         raise

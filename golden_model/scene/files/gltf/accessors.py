@@ -24,6 +24,9 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 MOST_ELEMENTS = 1 << 26
 """Of an accessor, which need not have data for them: those that are not given are zero."""
 
+MOST_PADDING = 3
+"""Bytes by which the binary part of a .glb file may be longer than its buffer."""
+
 ADDRESS = re.compile(r"[a-z][a-z0-9+.-]*://", re.IGNORECASE)
 """How a `uri` begins that is not the name of a file."""
 
@@ -66,13 +69,11 @@ class Accessors:
 
     def floats(self, values: Any, count: int, what: str, default: tuple[float, ...] = ()) -> np.ndarray:
         """Numbers in the file's JSON, (count,) float64; None stands for the default."""
-        try:
-            out = np.array(default if values is None else values, dtype=np.float64)
-        except (TypeError, ValueError):
-            out = np.zeros(0)
-        if out.shape != (count,):
+        values = list(default) if values is None else values
+        numbers = isinstance(values, list) and all(type(value) in (int, float) for value in values)
+        if not numbers or len(values) != count:
             raise self.error(f"{what} is not {count} numbers")
-        return out
+        return np.array(values, dtype=np.float64)
 
     def indices(self, accessor: int) -> np.ndarray:
         """Numbers of vertices, (count,) int64."""
@@ -151,6 +152,8 @@ class Accessors:
             data = self._document.binary_blob() if number == 0 else None
             if data is None and compressed:
                 raise not_understood(self.path, compressed[0])
+            if data is not None and len(data) > length + MOST_PADDING:
+                raise self.error(f"buffer 0 has {len(data)} bytes in the file's binary part, and says {length}")
         elif isinstance(uri, str) and uri[:5].lower() == "data:":
             try:
                 data = base64.b64decode(uri.partition(",")[2], validate=True)
@@ -160,7 +163,7 @@ class Accessors:
             data = self._beside(uri, length)
         if data is None or len(data) < length:
             raise self.error(f"buffer {number} has {len(data or b'')} of {length} bytes")
-        return data
+        return data[:length]
 
     def _beside(self, uri: Any, length: int) -> bytes:
         """The first bytes of a file beside this one."""

@@ -3,14 +3,26 @@
 import json
 import struct
 import warnings
+from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.scene.files.remarks import Remarks
+
+KINDS: dict[str, tuple[tuple[type, ...], str]] = {
+    "int": ((int,), "a whole number"),
+    "float": ((int, float), "a number"),
+    "bool": ((bool,), "true or false"),
+}
+"""What values of the format may be, by how pygltflib declares them."""
+
+LONGEST_KEY = 20
+"""Characters that are shown of a key."""
 
 
-def gltf_document(path: Path) -> Any:
+def gltf_document(path: Path, remarks: Remarks) -> Any:
     """The file's structure, a GLTF2 of pygltflib, with its binary part. Raises InputError."""
     import pygltflib  # takes a while, and only these formats need it
 
@@ -27,7 +39,7 @@ def gltf_document(path: Path) -> Any:
     if newer:
         raise InputError(f"{path}: needs glTF {least[:20]}; only 2.0 is read")
     try:
-        _check_whole(values, _whole_names(pygltflib))
+        _check(values, pygltflib, remarks)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of pygltflib, about fields that may be left out
             document = pygltflib.GLTF2.from_json(text.decode("utf-8-sig"), infer_missing=True)
@@ -37,23 +49,36 @@ def gltf_document(path: Path) -> Any:
     return document
 
 
-def _check_whole(values: Any, names: frozenset[str], name: str = "") -> None:
-    """Raises ValueError for what is no whole number where the format has one; pygltflib would make one of it."""
-    if isinstance(values, dict):
-        for key, value in values.items():
-            if key not in ("extras", "extensions"):
-                _check_whole(value, names, key)
-    elif isinstance(values, list):
+def _entries(values: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Every value of the JSON with its key, those of a list one by one, without `extras` and `extensions`."""
+    if isinstance(values, list):
         for value in values:
-            _check_whole(value, names, name)
-    elif name in names and (isinstance(values, str) or (isinstance(values, float) and not values.is_integer())):
-        raise ValueError(f"`{name}` is {values!r}, not a whole number")
+            yield from _entries(value, key)
+        return
+    yield key, values
+    if isinstance(values, dict):
+        for name, value in values.items():
+            if name not in ("extras", "extensions"):
+                yield from _entries(value, name)
 
 
-def _whole_names(library: Any) -> frozenset[str]:
-    """Names of the fields that are whole numbers or lists of such, of all tables of the format."""
-    tables = (item for item in vars(library).values() if isinstance(item, type) and is_dataclass(item))
-    return frozenset(field.name for table in tables for field in fields(table) if "int" in str(field.type))
+def _check(values: Any, library: Any, remarks: Remarks) -> None:
+    """What pygltflib would change or drop: says which keys the format does not have.
+
+    Raises ValueError for a value of another kind than the format has.
+    """
+    tables = [item for item in vars(library).values() if isinstance(item, type) and is_dataclass(item)]
+    every = [(field.name, str(field.type)) for table in tables for field in fields(table)]
+    known = {name for name, _ in every}
+    kinds = {name: kind for name, declared in every for kind in KINDS if kind in declared}
+    for key, value in _entries(values):
+        if key in kinds and isinstance(value, str | bool | int | float):
+            types, what = KINDS[kinds[key]]
+            if type(value) not in types:
+                raise ValueError(f"`{key}` is {value!r}, not {what}")
+        # Attributes of primitives, which may be of any name, have capital letters or a low line before them.
+        if key and key not in known and not key.isupper() and not key.startswith("_"):
+            remarks.leave_out(f"`{key[:LONGEST_KEY]}`")
 
 
 def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:

@@ -28,6 +28,12 @@ TRIANGLES, STRIP, FAN = 4, 5, 6
 MODES = ("points", "lines", "lines", "lines", "triangles", "triangle strips", "triangle fans")
 """What primitives are made of, by their mode."""
 
+ATTRIBUTES = frozenset(("POSITION", "NORMAL", "TEXCOORD_0"))
+"""Attributes of vertices that are read."""
+
+UNSEEN = ("TANGENT", "JOINTS_", "WEIGHTS_", "_")
+"""How others begin that are not seen, or not without what is said, textures of normals and skins; `_`: of a program."""
+
 MOST_TRIANGLES = 1 << 25
 """Of all nodes together, which may show one mesh many times."""
 
@@ -37,8 +43,8 @@ INVENTED = frozenset(("geometry_0", "world"))
 
 def load_gltf(path: Path) -> list[Part]:
     """The parts of a file. Raises InputError where it is damaged or needs what is not read."""
-    document = gltf_document(path)
     remarks = Remarks(path)
+    document = gltf_document(path, remarks)
     try:
         for extension in document.extensionsRequired or []:
             if extension not in EXTENSIONS:
@@ -108,12 +114,15 @@ class _Reader:
     def _local(self, number: int, node: Any) -> tuple[np.ndarray, np.ndarray]:
         """Matrix and shift of a node against the one above."""
         if node.matrix is not None:
+            for name in ("translation", "rotation", "scale"):
+                if getattr(node, name) is not None:
+                    raise self.read.error(f"node {number} has a matrix and a {name}; the format has one of them")
             values = self.read.floats(node.matrix, 16, f"the matrix of node {number}").reshape(4, 4).T
             if np.abs(values[3] - [0, 0, 0, 1]).max() > 1e-6:
                 raise self.read.error(f"the matrix of node {number} is not affine")
             return values[:3, :3], values[:3, 3]
         x, y, z, w = self.read.floats(node.rotation, 4, f"the rotation of node {number}", (0, 0, 0, 1)).tolist()
-        if not np.isfinite([x, y, z, w]).all() or x == y == z == w == 0:
+        if not 0 < x * x + y * y + z * z + w * w < np.inf:
             raise self.read.error(f"the rotation of node {number} is {node.rotation}")
         scale = self.read.floats(node.scale, 3, f"the scale of node {number}", (1, 1, 1))
         shift = self.read.floats(node.translation, 3, f"the translation of node {number}", (0, 0, 0))
@@ -123,7 +132,8 @@ class _Reader:
         """The triangles of a primitive; None where it has none."""
         if primitive.mode not in range(len(MODES)):
             raise self.read.error(f"a primitive has the mode {primitive.mode}")
-        attributes = {name: value for name, value in vars(primitive.attributes).items() if value is not None}
+        given = vars(primitive.attributes) if primitive.attributes else {}
+        attributes = {name: value for name, value in given.items() if value is not None}
         if primitive.mode < TRIANGLES:
             self.remarks.leave_out(MODES[primitive.mode])
             return None
@@ -131,7 +141,7 @@ class _Reader:
             self.remarks.leave_out("primitives without POSITION")
             return None
         for name in attributes:
-            if name.startswith("COLOR_") or (name.startswith("TEXCOORD_") and name != "TEXCOORD_0"):
+            if name not in ATTRIBUTES and not name.startswith(UNSEEN):
                 self.remarks.leave_out(name)
         if primitive.targets:
             self.remarks.leave_out("morph targets")
@@ -183,7 +193,10 @@ class _Reader:
         found = self.read.numbers(attributes[name], width)
         if len(found) != count:
             raise self.read.error(f"a primitive has {count} positions and {len(found)} of {name}")
-        return found[faces] if np.isfinite(found).all() else None
+        if not np.isfinite(found).all():
+            self.remarks.leave_out_some(name)
+            return None
+        return found[faces]
 
     def _part(self, name: str, pieces: "list[_Piece]", matrix: np.ndarray, shift: np.ndarray) -> Part:
         corners = transformed(np.concatenate([piece.corners for piece in pieces]), matrix, shift)
@@ -191,14 +204,18 @@ class _Reader:
         turn = np.array([2, 1, 0] if mirrored else [0, 1, 2])
         used = list(dict.fromkeys(piece.material for piece in pieces))
         colours = [material_colours(self.read, self.document, self.remarks, number) for number in used]
-        normals = _joined([piece.normals for piece in pieces])
-        uv = _joined([piece.texture_uv for piece in pieces])
+        normals = self._joined("NORMAL", [piece.normals for piece in pieces])
+        uv = self._joined("TEXCOORD_0", [piece.texture_uv for piece in pieces])
+        if normals is not None:
+            normals = _turned_normals(normals[:, turn], matrix, mirrored)
+            if normals is None:
+                self.remarks.leave_out_some("NORMAL")
         with np.errstate(over="ignore"):
             rounded = corners[:, turn].astype(np.float32)
         return Part(
             name=name,
             corners=rounded,
-            normals=None if normals is None else _turned_normals(normals[:, turn], matrix, mirrored),
+            normals=normals,
             albedo=np.array([albedo for albedo, _ in colours], dtype=np.float32),
             emission=np.array([emission for _, emission in colours], dtype=np.float32),
             material=np.repeat(
@@ -207,6 +224,15 @@ class _Reader:
             # v runs upwards here, downwards in the file.
             texture_uv=None if uv is None else (uv[:, turn] * [1, -1] + [0, 1]).astype(np.float32),
         )
+
+    def _joined(self, name: str, pieces: list[np.ndarray | None]) -> np.ndarray | None:
+        """An attribute of all pieces in one array; None where one has none."""
+        there = [piece for piece in pieces if piece is not None]
+        if len(there) == len(pieces):
+            return np.concatenate(there)
+        if there:
+            self.remarks.leave_out_some(name)
+        return None
 
 
 @dataclass(frozen=True)
@@ -217,12 +243,6 @@ class _Piece:
     normals: np.ndarray | None
     texture_uv: np.ndarray | None
     material: int | None
-
-
-def _joined(pieces: list[np.ndarray | None]) -> np.ndarray | None:
-    """All pieces in one array; None where one has none."""
-    there = [piece for piece in pieces if piece is not None]
-    return np.concatenate(there) if len(there) == len(pieces) else None
 
 
 def _turned_normals(normals: np.ndarray, matrix: np.ndarray, mirrored: bool) -> np.ndarray | None:

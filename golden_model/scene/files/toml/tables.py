@@ -95,7 +95,7 @@ class Table:
     def quaternion(self, key: str) -> list[float]:
         """A rotation [w, x, y, z] of any length but zero; [1, 0, 0, 0] if the key is not there."""
         values = self.numbers(key, 4, (1, 0, 0, 0))
-        if not any(values):
+        if not sum(value * value for value in values) > 0:  # of numbers that are too small too
             raise InputError(f"{self.where}: `{key}` must not be all zero; it is a quaternion [w, x, y, z]")
         return values
 

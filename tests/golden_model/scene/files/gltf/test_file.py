@@ -265,7 +265,26 @@ def test_the_normal_of_a_triangle_stays_its_normal(tmp_path: Path) -> None:
 def test_normals_without_a_direction_are_derived(tmp_path: Path) -> None:
     out = Writer()
     out.node(mesh=out.mesh(primitive(out.array(FLOOR), out.array(QUAD, "u1"), NORMAL=out.array(np.zeros((4, 3))))))
-    assert one(out, tmp_path).normals is None
+    (part,), said = load(out.save(tmp_path / "mesh.glb"))
+    assert part.normals is None
+    assert said == ["left out: NORMAL of objects in which one is missing or cannot be used"]
+
+
+@pytest.mark.parametrize(("name", "width"), [("NORMAL", 3), ("TEXCOORD_0", 2)])
+@pytest.mark.parametrize("broken", [True, False])
+def test_attributes_that_not_all_corners_have_are_said(tmp_path: Path, name: str, width: int, broken: bool) -> None:
+    """One of them is no number, or one primitive has none."""
+    out = Writer()
+    points, order = out.array(FLOOR), out.array(QUAD, "u1")
+    values = np.ones((4, width))
+    if broken:
+        values[3, 1] = np.nan
+    pieces = [primitive(points, order, **{name: out.array(values)})]
+    out.node(mesh=out.mesh(*pieces, *([] if broken else [primitive(points, order)])))
+    (part,), said = load(out.save(tmp_path / "mesh.glb"))
+    assert part.normals is None
+    assert part.texture_uv is None
+    assert said == [f"left out: {name} of objects in which one is missing or cannot be used"]
 
 
 @pytest.mark.parametrize("scene", [None, 0, 1])
@@ -330,6 +349,20 @@ def test_everything_that_is_not_read_is_said(tmp_path: Path) -> None:
         "points, lines, baseColorTexture, metallicFactor, alphaMode BLEND, doubleSided, emissiveTexture, "
         "doubleSided of what shines, EXT_mesh_gpu_instancing",
     )
+
+
+def test_what_the_format_does_not_have_is_said(tmp_path: Path) -> None:
+    """Keys and attributes that nobody knows; not those of a program's own, nor what belongs to skins."""
+    path = room().save(tmp_path / "room.gltf", "beside")
+    document = json.loads(path.read_text())
+    document["nodes"][0]["scael"] = [2, 2, 2]
+    document["asset"] |= {"extras": {"anything": 1}, "generatr": "me"}
+    position = document["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
+    document["meshes"][0]["primitives"][0]["attributes"] |= dict.fromkeys(
+        ("_OWN", "TANGENT", "JOINTS_0", "WEIGHTS_0", "NORMALS", "normal"), position
+    )
+    path.write_text(json.dumps(document))
+    check_room(path, "left out: `generatr`, `normal`, `scael`, NORMALS, normal")
 
 
 # --- refusals -----------------------------------------------------------------------------------------------------
@@ -397,6 +430,7 @@ def test_names_with_line_breaks_stay_in_one_line(tmp_path: Path) -> None:
 
 
 PRIMITIVE = ("meshes", 0, "primitives", 0)
+UNIT = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
 
 
 @pytest.mark.parametrize(
@@ -411,7 +445,10 @@ PRIMITIVE = ("meshes", 0, "primitives", 0)
         (setting("asset", "minVersion", value="3.0"), "needs glTF 3.0; only 2.0 is read"),
         (setting("asset", "minVersion", value="2.1"), "needs glTF 2.1; only 2.0 is read"),
         (setting("asset", "minVersion", value=2.1), "needs glTF 2.1; only 2.0 is read"),
-        (setting("accessors", 0, "count", value=6.0), None),
+        (setting("accessors", 0, "count", value=6.0), "`count` is 6.0, not a whole number"),
+        (setting(*PRIMITIVE, "mode", value=4.0), "`mode` is 4.0, not a whole number"),
+        (setting(*PRIMITIVE, "mode", value=True), "`mode` is True, not a whole number"),
+        (setting("accessors", 1, "normalized", value="no"), "`normalized` is 'no', not true or false"),
         (setting("accessors", 0, "count", value=6.5), "`count` is 6.5, not a whole number"),
         (setting("accessors", 0, "count", value="6"), "`count` is '6', not a whole number"),
         (setting("scenes", 0, "nodes", value=[0, 0.5]), "`nodes` is 0.5, not a whole number"),
@@ -424,11 +461,15 @@ PRIMITIVE = ("meshes", 0, "primitives", 0)
         (setting("nodes", 0, "children", value=[1]), "node 1 is in two places"),
         (setting("nodes", 1, "children", value=[1]), "node 1 is in two places, or below itself"),
         (setting("nodes", 0, "mesh", value=9), "mesh 9 does not exist; the file has 2"),
-        (setting("nodes", 0, "mesh", value=True), "mesh True does not exist"),
+        (setting("nodes", 0, "mesh", value=True), "`mesh` is True, not a whole number"),
         (setting("nodes", 0, "matrix", value=[1] * 15), "the matrix of node 0 is not 16 numbers"),
         (setting("nodes", 0, "matrix", value=[1] * 16), "the matrix of node 0 is not affine"),
         (setting("nodes", 0, "rotation", value=[0, 0, 0, 0]), "the rotation of node 0 is"),
-        (setting("nodes", 0, "scale", value=[1, "x", 1]), "damaged or cut off"),
+        (setting("nodes", 0, "rotation", value=[0, 0, 1e200, 0]), "the rotation of node 0 is"),
+        (setting("nodes", 0, "rotation", value=[0, 0, 1e-200, 0]), "the rotation of node 0 is"),
+        (setting("nodes", 0, "rotation", value=["0", "0", "0", "1"]), "`rotation` is '0', not a number"),
+        (setting("nodes", 0, value={"mesh": 0, "matrix": UNIT, "scale": [1, 1, 1]}), "node 0 has a matrix and a scale"),
+        (setting("nodes", 0, "scale", value=[1, "x", 1]), "`scale` is 'x', not a number"),
         (setting("nodes", value="many"), "damaged or cut off"),
         (setting("nodes", 0, value=None), "damaged or cut off"),
         (setting("meshes", 0, value={"primitives": [None]}), "damaged or cut off"),
@@ -454,6 +495,7 @@ PRIMITIVE = ("meshes", 0, "primitives", 0)
         (setting("bufferViews", 1, "byteStride", value=0), "the stride of buffer view 1 is 0"),
         (setting("bufferViews", 1, "buffer", value=1), "buffer 1 does not exist; the file has 1"),
         (setting("buffers", 0, "byteLength", value=2**40), r"buffer 0 has 108 of \d+ bytes"),
+        (setting("buffers", 0, "byteLength", value=107), "elements need 108 bytes .* whose buffer has 107"),
         (setting("buffers", 0, "uri", value="gone.bin"), "its file .*gone.bin is missing; put it there"),
         (setting("buffers", 0, "uri", value="data:;base64,***"), "buffer 0 is no base64"),
         (setting("buffers", 0, "uri", value="https://host/room.bin"), "are at an address, https://host/room.bin; put"),
@@ -475,6 +517,16 @@ def test_files_that_contradict_themselves(
         check_room(path)
     else:
         assert re.search(message, refusal(path)), refusal(path)
+
+
+@pytest.mark.parametrize(("length", "message"), [(109, "has 108 of 109"), (105, "elements need"), (104, "says 104")])
+def test_a_binary_part_of_another_length(tmp_path: Path, length: int, message: str) -> None:
+    """It may have up to three bytes more than its buffer says, which are no part of the buffer."""
+    path = room().save(tmp_path / "room.glb")
+    data = path.read_bytes()
+    assert data.count(b'"byteLength": 108}') == 1
+    path.write_bytes(data.replace(b'"byteLength": 108}', f'"byteLength": {length}}}'.encode()))
+    assert message in refusal(path)
 
 
 def test_one_mesh_in_many_nodes_is_refused_before_it_fills_the_memory(

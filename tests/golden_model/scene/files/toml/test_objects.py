@@ -1,6 +1,7 @@
 """Objects of scene descriptions: shapes, surfaces, textures, keyframes, and every way in which they can be wrong."""
 
 import re
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -139,7 +140,8 @@ def test_obj_texture_coordinates_follow_their_corners(tmp_path: Path) -> None:
     known = uv[:, 0] != 0.25
     assert (mirrored[known] == uv[known]).all(), "a mirrored mesh keeps its coordinates"
     (tmp_path / "quad.obj").write_text(text.replace("4/-1", "4"))
-    (part,) = load_mesh(tmp_path / "quad.obj")
+    with pytest.warns(InputWarning, match="left out: `vt` of objects in which one is missing"):
+        (part,) = load_mesh(tmp_path / "quad.obj")
     assert part.texture_uv is None
 
 
@@ -214,6 +216,7 @@ KEY = "[[box.path]]\nframe = 0\n"
         (BOX + KEY + KEY, r"\[\[path\]\] 2: `frame` must be greater than that before, 0"),
         (BOX + KEY + "emission = -1\n", "`emission` must be a factor of 0 or more, not -1"),
         (BOX + KEY + "rotate = [0, 0, 0, 0]\n", "`rotate` must not be all zero"),
+        (BOX + KEY + "rotate = [1e-200, 0, 0, 0]\n", "`rotate` must not be all zero"),
         (BOX + KEY + "present = 1\n", "`present` must be true or false, not 1"),
         (BOX + KEY + "translate = [1e15, 0, 0]\n", "a path leads beyond"),
         (BOX + KEY + "scale = 2\n", r"unknown key `scale`"),
@@ -248,6 +251,31 @@ def test_damaged_pictures_are_refused(tmp_path: Path) -> None:
         (tmp_path / "noise.png").write_bytes(whole[:length])
         with pytest.raises(InputError, match=r"noise\.png cannot be read as a picture"):
             load_scene(path)
+
+
+@pytest.mark.parametrize(("kind", "mode"), [(np.uint16, "I;16"), (np.float32, "F")])
+def test_pictures_of_more_bits_are_refused(tmp_path: Path, kind: type, mode: str) -> None:
+    """Cut off at 255, as Pillow does it, half of white would be white in 16 bits, and black in float32."""
+    half = 0.5 * (65535 if kind is np.uint16 else 1)
+    Image.fromarray(np.full((4, 4), half, dtype=kind)).save(tmp_path / "deep.tiff")
+    (tmp_path / "scene.toml").write_text(QUAD + "texture = 'deep.tiff'\n")
+    assert refusal(tmp_path / "scene.toml").endswith(
+        f"deep.tiff has more than 8 bits a channel ({mode}); save it with 8"
+    )
+
+
+def test_alpha_is_said_to_be_left_out(tmp_path: Path) -> None:
+    """Unless there is none below the whole."""
+    path = tmp_path / "scene.toml"
+    path.write_text(QUAD + "texture = 'leaf.png'\n")
+    pixels = np.full((4, 4, 4), 255, dtype=np.uint8)
+    for alpha in (255, 254):
+        pixels[1, 2] = [9, 9, 9, alpha]
+        Image.fromarray(pixels).save(tmp_path / "leaf.png")
+        with warnings.catch_warnings(record=True) as said:
+            warnings.simplefilter("always")
+            load_scene(path)
+        assert [str(line.message).endswith("leaf.png: left out: alpha") for line in said] == [True] * (alpha < 255)
 
 
 def test_keyframes_keep_what_they_leave_out(tmp_path: Path) -> None:
