@@ -175,7 +175,7 @@ def _corner(where: str, word: str, vertices: int, normals: int, coordinates: int
     try:
         if len(parts) > 3:
             raise ValueError
-        given = [whole(part) if part else None for part in parts] + [None, None]
+        given = [whole(parts[0]), *(whole(part) if part else None for part in parts[1:]), None, None]
         vertex, texture, normal = (number or 0 for number in given[:3])
     except ValueError:
         raise InputError(f"{where}: {word!r} is not a corner of a face; the file may be damaged or cut off") from None
