@@ -2,6 +2,10 @@
 
 The guard band keeps every screen coordinate within 24 bits of fixed point, so that the rasterizer's edge functions are
 exact in int64 (and in a few dozen bits of hardware). What is merely off the screen is left to the rasterizer.
+
+Where an edge crosses a plane, it is computed to some 2**-22 of the edge's length. Of edges that are millions of times
+longer than the crossing is deep this leaves nothing of the depth, which then could be anything, negative too, and the
+triangle would hide what is in front of it: such points are brought back to the plane, in depth alone.
 """
 
 import numpy as np
@@ -12,6 +16,7 @@ from lightloom.golden_model.scene.pinhole import View
 # The guard band reaches this many pixels from the middle of the picture. With at most 8192 pixels from the middle to
 # the border, a coordinate stays below 2**15 pixels, which with 8 fraction bits is 24 bits with the sign.
 GUARD_PIXELS = np.float32(16384)
+NEARLY = np.float32(15 / 16)  # of the depth that a plane asks for: what rounding leaves of it in ordinary scenes
 PLANES = 5  # the near plane and the four of the guard band
 
 
@@ -22,6 +27,20 @@ def _distances(points: np.ndarray, view: View) -> np.ndarray:
     reach = flush(z * GUARD_PIXELS)
     x, y = flush(x * view.focal), flush(y * view.focal)
     return np.stack([z - view.near, reach + x, reach - x, reach + y, reach - y], axis=-1)
+
+
+@quiet
+def _brought_back(polygons: np.ndarray, view: View, planes: int) -> np.ndarray:
+    """Polygons (M, V, k) clipped against the first planes, of which no point is before them by more than NEARLY allows.
+
+    Points of ordinary triangles stay as they are: they are off a plane by rounding alone.
+    """
+    x, y, z = polygons[..., 0], polygons[..., 1], polygons[..., 2]
+    x, y = flush(flush(x * view.focal) / GUARD_PIXELS), flush(flush(y * view.focal) / GUARD_PIXELS)
+    least = np.stack([np.full_like(z, view.near), -x, x, -y, y])[:planes].max(axis=0)
+    out = polygons.copy()
+    out[..., 2] = np.where(z < flush(least * NEARLY), least, z)
+    return out
 
 
 @quiet
@@ -76,6 +95,7 @@ def clip_triangles(corners: np.ndarray, view: View) -> tuple[np.ndarray, np.ndar
         count = np.full(len(primitive), 3)
         for plane in range(PLANES):
             polygons, count = _clip(polygons, count, _distances(polygons, view)[..., plane])
+            polygons = _brought_back(polygons, view, plane + 1)
         for last in range(2, polygons.shape[1]):  # a fan around the first vertex
             some = count > last
             fan = polygons[some][:, [0, last - 1, last]]

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.contract.formats import TRIANGLE
+from lightloom.golden_model.frame import clipping
+from lightloom.golden_model.frame.clipping import clip_triangles
 from lightloom.golden_model.frame.rasterizer import level_of_detail, rasterize
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.numerics.vectors import interpolate, normalize
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
-from lightloom.golden_model.scene.pinhole import View, look_at, pixel_rays
+from lightloom.golden_model.scene.pinhole import View, look_at, pixel_rays, to_view
 from lightloom.golden_model.tracing.bvh.build import build
 from lightloom.golden_model.tracing.bvh.traversal import trace
 from lightloom.golden_model.tracing.ray_setup import ray_setup
@@ -176,6 +178,64 @@ def test_triangles_crossing_near_plane_and_guard_band_leave_no_cracks() -> None:
         total = coverage(view, triangles_of(corners))
         assert (total >= 1).all(), np.argwhere(total < 1)[:4]
         assert (total == 1).mean() > 0.9  # an eye inside a convex room sees each wall once but for shared borders
+
+
+def plane(half: float, height: float) -> np.ndarray:
+    """A square about the origin that looks up, (2, 3, 3) float32."""
+    corners = np.array([[-half, height, half], [half, height, half], [half, height, -half], [-half, height, -half]])
+    return corners[[[0, 1, 2], [0, 2, 3]]].astype(np.float32)
+
+
+@pytest.mark.parametrize("half", [1e4, 1e5, 3e5, 1e6, 1e7])
+@pytest.mark.parametrize("distance", [4, 0.1])
+def test_a_huge_plane_hides_nothing_before_it(half: float, distance: float) -> None:
+    """A ground 1 m below a floor: it is where it belongs, but for 2**-22 of how far off its corners are.
+
+    The near plane lies at 2**-10 of the distance; edges through it are up to 2 * 10**11 times as long as it is deep.
+    """
+    seed = 13
+    rng = np.random.default_rng(seed)
+    eye = np.array([0, 1.5, 2.8])
+    for _ in range(6):
+        toward = np.array([rng.uniform(-0.4, 0.4), rng.uniform(-0.6, -0.2), -1])
+        view = look_at(eye, eye + distance * toward / np.linalg.norm(toward), UP, 0.4, 64, 48)
+        floor = triangles_of(plane(3, 0))
+        seen = draw(view, np.concatenate([floor, triangles_of(plane(half, -1))]))
+        expected = draw(view, floor)["primitive"] >= 0
+        assert ((seen["primitive"] < 2) & (seen["primitive"] >= 0))[expected].all(), f"seed {seed}, {toward.tolist()}"
+        ground = seen["primitive"] >= 2
+        down = -pixel_rays(view)["direction"].reshape(*ground.shape, 3)[..., 1].astype(np.float64)
+        assert (down[ground] > 0).all(), f"seed {seed}, {toward.tolist()}: ground above the horizon"
+        # Where it is looked at from above: towards the horizon a 512th of a pixel is many metres.
+        steep = ground & (down > 0.2)
+        height = seen["depth"][steep].astype(np.float64) * down[steep]
+        assert np.abs(height - 2.5).max(initial=0) < 0.01 + 2.0**-22 * np.sqrt(2) * half, f"seed {seed}, {toward}"
+
+
+@pytest.mark.parametrize("half", [1e4, 1e6, 1e8])
+def test_clipped_points_stay_within_24_bits(half: float) -> None:
+    """Of huge triangles anywhere about the eye too: within 2**15 pixels with 8 bits of a pixel, and a sign."""
+    seed = 14
+    view = look_at(np.zeros(3), np.array([0.2, -0.1, -1]), UP, 0.4, 8192, 4320)
+    corners = (np.random.default_rng(seed).normal(size=(2000, 3, 3)) * [half, 1, half]).astype(np.float32)
+    points, _, primitive = clip_triangles(to_view(view, corners), view)
+    assert len(np.unique(primitive)) > 500
+    x, y, z = np.moveaxis(points.astype(np.float64), -1, 0)
+    assert z.min() >= 0.9 * view.near, f"seed {seed}"
+    for across, side in ((x, view.width), (y, view.height)):
+        assert np.abs(across * view.focal / z).max() + side / 2 < 2**15, f"seed {seed}"
+
+
+def test_points_of_ordinary_triangles_are_clipped_as_they_were(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is brought back, down to the last bit: a box about the eye, and a floor of 2 km through it."""
+    scene = cornell_box()
+    eye = scene.camera_at(0).target
+    view = look_at(eye, eye + np.array([0.3, 0.1, 0.2], dtype=np.float32), UP, 0.5, 64, 48)
+    corners = to_view(view, np.concatenate([scene.corners, plane(1e3, 273)]))
+    points, _, primitive = clip_triangles(corners, view)
+    assert len(primitive) > len(np.unique(primitive)) > 8, "some are cut"
+    monkeypatch.setattr(clipping, "_brought_back", lambda polygons, view, planes: polygons)
+    assert clip_triangles(corners, view)[0].tobytes() == points.tobytes()
 
 
 def test_nothing_is_drawn_of_what_cannot_be_seen() -> None:

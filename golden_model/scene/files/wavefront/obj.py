@@ -91,7 +91,8 @@ def load_obj(path: Path) -> list[Part]:
     crossing: list[int] = []
     parts = [_part(remarks, item, points, directions, pictured, colours, crossing) for item in objects if item.sizes]
     remarks.crossing(len(crossing), f"line {min(crossing, default=0)}")
-    remarks.say()
+    if parts:  # else the file is refused, and may be of another kind, with other words
+        remarks.say()
     return parts
 
 
