@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lightloom.rtl.memory.axi import AxiRead
 from lightloom.rtl.memory.axi_checker import AxiChecker
 from lightloom.rtl.memory.block_answers import PATIENCE
 from lightloom.rtl.memory.block_cache import CALM, CROWD, BlockCache
+from lightloom.rtl.memory.block_fill import BlockFill
 from lightloom.verif.drivers.axi_ports import AmaranthSlave
 from lightloom.verif.drivers.axi_slave import SLVERR, Wrong, hashed, wrong_ends
 from tests.rtl.simulation import Simulation, simulate
@@ -448,6 +450,35 @@ def test_a_late_read_fails_and_gives_its_number_back_when_it_is_over(data_width:
     assert run.answers[4 + back][2] == block_data(64 * fine[back % len(fine)])
     last = len(run.answers) - 1
     assert run.answers[last][1], "it is read again, and late again"
+
+
+def test_beats_without_a_pause_do_not_put_off_the_look_for_late_reads() -> None:
+    """A read that never ends, beside others whose beats come in every cycle in which one is taken."""
+    misses, late, ticks = 4, 2, (5, 30)
+    fill = BlockFill(axi=AxiRead(address_width=40, data_width=512, id_width=2), misses=misses, line_width=3)
+    filled: list[tuple[int, int, int]] = []
+    taken = 0
+
+    async def testbench(ctx: Any) -> None:
+        nonlocal taken
+        ctx.set(fill.passed, 1)
+        ctx.set(fill.rlast, 1)
+        for cycle in range(60):
+            ctx.set(fill.start, cycle == 0)
+            ctx.set(fill.start_miss, late)
+            ctx.set(fill.rvalid, cycle > 0)
+            ctx.set(fill.rid, late ^ 1)
+            ctx.set(fill.tick, cycle in ticks)
+            taken += ctx.get(fill.rvalid) and ctx.get(fill.rready)
+            if ctx.get(fill.filled):
+                filled.append((cycle, ctx.get(fill.miss), ctx.get(fill.error)))
+            await ctx.tick()
+
+    simulate(fill, testbench)
+    assert [row[1:] for row in filled] == [(late, 1)]
+    # A look follows a beat, and there is one for each miss; a cycle more to begin, and one to tell.
+    assert ticks[1] < filled[0][0] <= ticks[1] + 2 * misses + 2
+    assert taken > 60 - 2 * 2 * misses, "and beats wait for looks alone"
 
 
 def test_a_read_that_the_memory_does_not_accept_is_late_too() -> None:

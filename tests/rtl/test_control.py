@@ -151,6 +151,8 @@ def test_every_ray_is_finished_once(overlap: int) -> None:
             idle = 0 if around.see(ctx) else idle + 1
             assert idle < PATIENCE, f"seed {SEED}, overlap {overlap}: hangs after {around.finished} rays"
             await ctx.tick()
+            held = bool(around.visits or around.leaving)
+            assert ctx.get(dut.idle) == (not held), f"seed {SEED}, overlap {overlap}: idle, and a context holds a ray"
         assert around.most == overlap, "fewer visits at a time than there may be"
 
     simulation.run(testbench)

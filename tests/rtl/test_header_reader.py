@@ -273,6 +273,38 @@ def test_a_late_header(data_width: int, accepted: bool) -> None:
     assert len(loads.memory.reads) == 1 + len(others) - back
 
 
+@pytest.mark.parametrize("data_width", [128, 512])
+def test_beats_of_other_ids_are_no_part_of_the_header(data_width: int) -> None:
+    """Of a master that shares the channel: before each beat of the header one of another read, wrong in all ways."""
+    loads = Loads(data_width=data_width)
+    reader, axi = loads.reader, loads.reader.m_axi
+
+    async def testbench(ctx: Any) -> None:
+        ctx.set(reader.base, BASE)
+        ctx.set(reader.load, 1)
+        await ctx.tick()
+        ctx.set(reader.load, 0)
+        ctx.set(axi.arready, 1)
+        await ctx.tick()
+        assert not ctx.get(axi.arvalid)
+        ctx.set(axi.rvalid, 1)
+        size = data_width // 8
+        for place in range(0, 64, size):
+            data = loads.content(BASE + place, size)
+            for own in (False, True):
+                ctx.set(axi.rid, int(not own))
+                ctx.set(axi.rdata, data if own else ~data & ((1 << data_width) - 1))
+                ctx.set(axi.rresp, 0 if own else SLVERR)
+                ctx.set(axi.rlast, own == (place + size == 64))
+                await ctx.tick()
+        ctx.set(axi.rvalid, 0)
+        await ctx.tick().until(~reader.busy)
+        assert ctx.get(reader.loaded), f"load_error {ctx.get(reader.load_error)}"
+        assert ctx.get(reader.blocks) == GOOD["blocks"]
+
+    loads.simulation.run(testbench)
+
+
 @pytest.mark.parametrize("data_width", [32, 512])
 def test_verilog_is_clean(data_width: int, tmp_path: Path) -> None:
     source = tmp_path / "header_reader.v"

@@ -95,4 +95,12 @@ FAULTS = (
         what="the beats of a header that was given up are taken for the next one's",
         checks=("tests/rtl/test_header_reader.py",),
     ),
+    Mutation(
+        name="header-of-any-id",
+        file=HEADER,
+        old="self.m_axi.rvalid & (self.m_axi.rid == 0)",
+        new="self.m_axi.rvalid",
+        what="beats of other reads are taken for the header's",
+        checks=("tests/rtl/test_header_reader.py::test_beats_of_other_ids_are_no_part_of_the_header",),
+    ),
 )

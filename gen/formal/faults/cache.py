@@ -57,6 +57,14 @@ FAULTS = (
         checks=("block_fill/beats-128",),
     ),
     Mutation(
+        name="looks-starve",
+        file=FILL,
+        old="yields.eq(looking & beat)",
+        new="yields.eq(0)",
+        what="beats without a pause put off the look for late reads for ever",
+        checks=("tests/rtl/test_block_cache.py::test_beats_without_a_pause_do_not_put_off_the_look_for_late_reads",),
+    ),
+    Mutation(
         name="newest-not-yet-listed",
         file=WAITERS,
         old="Mux(added & (miss == of), number, read)",

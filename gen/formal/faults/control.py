@@ -27,6 +27,14 @@ FAULTS = (
         checks=("tests/rtl/test_control.py::test_how_far_a_ray_runs_ahead",),
     ),
     Mutation(
+        name="idle-with-rays",
+        file=CONTROL,
+        old="self.idle.eq(free.idle)",
+        new="self.idle.eq(free.idle | ~rays.active.any())",
+        what="a tree is loaded while rays that have not begun, or are finished, hold contexts",
+        checks=("tests/rtl/test_control.py::test_every_ray_is_finished_once",),
+    ),
+    Mutation(
         name="visits-over-limit",
         file=CONTROL,
         old="outstanding.below(overlap) &",
