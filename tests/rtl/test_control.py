@@ -11,8 +11,9 @@ from lightloom.golden_model.contract.formats import TIME_BITS, TRACE_ERRORS, WID
 from lightloom.rtl.config import Config
 from lightloom.rtl.traversal.control import SURE, Control
 from lightloom.rtl.traversal.node_decision import NEAR_BITS
+from lightloom.rtl.traversal.popped_visits import POPS, PoppedVisits
 from lightloom.rtl.traversal.run_ahead import FEW, WINDOW
-from tests.rtl.simulation import Simulation
+from tests.rtl.simulation import Simulation, simulate
 
 SEED = 1984
 RAYS = 120
@@ -197,6 +198,53 @@ def test_how_far_a_ray_runs_ahead(backlog: int, starved: int, near: int, most: i
 
     simulation.run(testbench)
     assert asked == most
+
+
+def test_no_ray_has_more_visits_than_there_may_be() -> None:
+    """Whatever `overlap` says: of a unit for 2, which has bits for 3, a ray whose node has 4 children."""
+    config = Config.of(contexts=2, overlap=2, stack=6)
+    dut = Control(config)
+    asked = 0
+
+    async def testbench(ctx: Any) -> None:
+        nonlocal asked
+        ctx.set(dut.node_request.ready, 1)
+        await rays_begin(ctx, dut, 1, levels=1)
+        ctx.set(dut.overlap, 3)
+        ctx.set(dut.backlog, 0)
+        await node_result(ctx, dut, 0, 4, 0)
+        for _ in range(40):
+            asked += ctx.get(dut.node_request.valid)
+            await ctx.tick()
+
+    simulate(dut, testbench)
+    assert asked == config.traversal.overlap
+
+
+@pytest.mark.parametrize("leaf", [0, 1])
+def test_no_visit_is_lost_while_requests_wait(leaf: int) -> None:
+    """Chosen as long as there is room; then all of them come, in their order."""
+    dut = PoppedVisits(SMALL)
+    turn = dut.leaf if leaf else dut.node
+    chosen: list[int] = []
+    came: list[int] = []
+
+    async def testbench(ctx: Any) -> None:
+        ctx.set(dut.read.entry.leaf, leaf)
+        for cycle in range(40):
+            ctx.set(turn.ready, cycle >= 20)
+            chooses = cycle < 20 and ctx.get(dut.room)
+            ctx.set(dut.chosen.valid, chooses)
+            if chooses:
+                chosen.append(len(chosen) % SMALL.traversal.contexts)
+                ctx.set(dut.chosen.payload.context, chosen[-1])
+            if ctx.get(turn.valid) and ctx.get(turn.ready):
+                came.append(ctx.get(turn.payload.context))
+            await ctx.tick()
+
+    simulate(dut, testbench)
+    assert len(chosen) == POPS
+    assert came == chosen
 
 
 async def rays_begin(ctx: Any, dut: Control, count: int, *, levels: int) -> None:

@@ -35,6 +35,22 @@ FAULTS = (
         checks=("tests/rtl/test_control.py::test_every_ray_is_finished_once",),
     ),
     Mutation(
+        name="overlap-not-limited",
+        file=CONTROL,
+        old="Mux(self.overlap > config.traversal.overlap, config.traversal.overlap, self.overlap)",
+        new="self.overlap",
+        what="a ray has more visits under way than the unit counts",
+        checks=("tests/rtl/test_control.py::test_no_ray_has_more_visits_than_there_may_be",),
+    ),
+    Mutation(
+        name="room-for-one-more",
+        file=POPPED,
+        old="on_their_way < POPS",
+        new="on_their_way <= POPS",
+        what="a visit is chosen that has no place to wait in",
+        checks=("tests/rtl/test_control.py::test_no_visit_is_lost_while_requests_wait",),
+    ),
+    Mutation(
         name="visits-over-limit",
         file=CONTROL,
         old="outstanding.below(overlap) &",
