@@ -12,6 +12,12 @@ from lightloom.golden_model.scene.parts import Part
 CREASE_COSINE = 0.7
 """Faces that meet at more than about 45 degrees keep an edge between them; flatter meetings are shaded smoothly."""
 
+MANY = 64
+"""Faces at one point beyond which they are compared by groups."""
+
+GROUPS = 16
+"""Groups of directions in a unit: their faces are within 0.11 of each other."""
+
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """a x b of (..., 3) float64, in plain multiplies and subtracts."""
@@ -38,6 +44,52 @@ def unit_normals(directions: np.ndarray) -> np.ndarray | None:
     return unit.astype(np.float32) if np.isfinite(unit).all() else None
 
 
+def _add_near(
+    total: np.ndarray,
+    corner: np.ndarray,
+    first: np.ndarray,
+    count: np.ndarray,
+    order: np.ndarray,
+    direction: np.ndarray,
+    weighted: np.ndarray,
+) -> None:
+    """Adds to each of some corners (N,) what of `weighted` is near it, of the `count` corners from `first` in `order`.
+
+    Round k adds, to every corner, the k-th of its corners: ordered sums, whatever the number of neighbours.
+    """
+    for k in range(int(count.max(initial=0))):
+        more = count > k
+        here, other = corner[more], order[first[more] + k]
+        near = dot(direction[here], direction[other]) >= CREASE_COSINE
+        total[here[near]] += weighted[other[near]]
+
+
+def _add_near_of_many(total: np.ndarray, corners: np.ndarray, direction: np.ndarray, weighted: np.ndarray) -> None:
+    """The same for all corners (N,) at one point, with fewer than N * N comparisons: the same sums in the same order.
+
+    Faces of about one direction make a group, as those of a polygon of thousands of corners do, and its walls another.
+    Where for every two groups it is sure whether their faces are near each other, all of a group have one sum.
+    """
+    here = direction[corners]
+    _, first, group = np.unique(np.rint(here * GROUPS), axis=0, return_index=True, return_inverse=True)
+    group = group.reshape(-1)
+    middle = here[first]
+    off = here - middle[group]
+    radius = np.zeros(len(first))
+    np.maximum.at(radius, group, np.sqrt(dot(off, off)))
+    # The cosine of two faces differs from that of their groups' middles by the radii of both at most, and by rounding.
+    cosine, slack = dot(middle[:, None], middle), radius[:, None] + radius + 2.0**-40
+    surely = cosine - slack >= CREASE_COSINE
+    doubtful: np.ndarray = np.any(~surely & ~(cosine + slack < CREASE_COSINE), axis=1)
+    for k in np.flatnonzero(~doubtful):
+        near = weighted[corners[surely[k][group]]]
+        total[corners[group == k]] = np.cumsum(np.concatenate([np.zeros((1, 3)), near]), axis=0)[-1]
+    # All others, as around the tip of a cone, one by one.
+    rest = corners[doubtful[group]]
+    everything = np.full(len(rest), len(corners))
+    _add_near(total, rest, np.zeros_like(everything), everything, corners, direction, weighted)
+
+
 def shading_normals(corners: np.ndarray) -> np.ndarray:
     """(F, 3, 3) corners to unit normals at the corners, (F, 3, 3) float32.
 
@@ -55,14 +107,12 @@ def shading_normals(corners: np.ndarray) -> np.ndarray:
     point, order = numbered(corners.reshape(-1, 3))
     count = np.bincount(point)
     start = np.cumsum(count) - count
-    face = np.arange(len(point)) // 3
+    direction = np.repeat(unit, 3, axis=0)
     total = np.zeros((len(point), 3))
-    # Round k adds, to every corner, the k-th corner at its point: ordered sums, whatever the number of neighbours.
-    for k in range(int(count.max())):
-        corner = np.flatnonzero(count[point] > k)
-        other = order[start[point[corner]] + k]
-        near = dot(unit[face[corner]], unit[face[other]]) >= CREASE_COSINE
-        total[corner[near]] += weighted[other[near]]
+    few = np.flatnonzero(count[point] <= MANY)
+    _add_near(total, few, start[point[few]], count[point[few]], order, direction, weighted)
+    for one in np.flatnonzero(count > MANY):
+        _add_near_of_many(total, order[start[one] : start[one] + count[one]], direction, weighted)
     # Only the direction counts; the largest component becomes 1 first, so that no square leaves the range.
     total /= np.abs(total).max(axis=1)[:, None]
     return (total / np.sqrt(dot(total, total))[:, None]).reshape(corners.shape).astype(np.float32)

@@ -4,6 +4,7 @@ import itertools
 import json
 import re
 import struct
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ import trimesh
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.scene.files.cornell_box import ROOM
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.scene.mesh import area_vectors, shading_normals
+from lightloom.golden_model.scene.mesh import CREASE_COSINE, area_vectors, dot, shading_normals
 from lightloom.golden_model.scene.pose import scene_at
 from lightloom.golden_model.scene.scene import Scene, require_light
 from tests import ROOT
@@ -188,6 +189,51 @@ def test_a_mesh_gets_a_camera_that_sees_all_of_it(tmp_path: Path) -> None:
     assert (depth > 0).all()
     assert (np.abs(moved @ right) < depth * camera.fov_y_tan).all()
     assert (np.abs(moved @ up) < depth * camera.fov_y_tan).all()
+
+
+def around_a_point(directions: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """A triangle for each direction (N, 3), square to it, with its first corner at the origin; (N, 3, 3) float32."""
+    across = np.cross(directions, rng.normal(size=directions.shape))
+    return np.stack([0 * across, across, np.cross(directions, across)], axis=1).astype(np.float32)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_normals_at_a_point_of_very_many_faces_are_the_same_sums(seed: int) -> None:
+    """A polygon of hundreds of corners, one with walls, a tip, and faces turned anywhere: as if compared one by one."""
+    rng = np.random.default_rng(seed)
+    turn = np.linspace(0, 2 * np.pi, 300, endpoint=False)
+    up = np.eye(3)[2] + rng.normal(scale=1e-3, size=(300, 3))
+    walls = np.concatenate([up, np.eye(3)[[0] * 5] + rng.normal(scale=0.1, size=(5, 3))])
+    tip = np.stack([np.cos(turn), np.sin(turn), 0 * turn + 0.5], axis=1)
+    for directions in (up, walls, tip, rng.normal(size=(300, 3))):
+        corners = around_a_point(rng.permutation(directions), rng)
+        wide = corners.astype(np.float64)
+        area = area_vectors(corners)
+        unit = area / np.sqrt(dot(area, area))[:, None]
+        edges = [wide[:, k] - wide[:, 0] for k in (1, 2)]
+        weighted = area * (1.0 / (dot(edges[0], edges[0]) * dot(edges[1], edges[1])))[:, None]
+        found = shading_normals(corners)[:, 0]
+        for k in range(len(corners)):
+            total = np.zeros(3)
+            for other in np.flatnonzero(dot(unit[k], unit) >= CREASE_COSINE):
+                total += weighted[other]
+            total /= np.abs(total).max()
+            assert found[k].tobytes() == (total / np.sqrt(dot(total, total))).astype(np.float32).tobytes(), (
+                f"seed {seed}"
+            )
+
+
+def test_normals_of_a_polygon_of_many_corners_take_no_time() -> None:
+    """With walls along its edges; face against face they would take minutes."""
+    turn = np.linspace(0, 2 * np.pi, 20_000, endpoint=False)
+    low = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    high, k = low + np.array([0.3, 0.2, 1.0]), np.arange(20_000)
+    fan = low[np.stack([0 * k, k, (k + 1) % 20_000], axis=1)[1:-1]]
+    corners = np.concatenate([fan, np.stack([low, high, np.roll(low, -1, axis=0)], axis=1)]).astype(np.float32)
+    begun = time.process_time()
+    normals = shading_normals(corners)
+    assert time.process_time() - begun < 5
+    assert (normals[: len(fan)] == [0, 0, 1]).all()
 
 
 def test_shading_normals_are_smooth_below_the_crease_and_sharp_above() -> None:
