@@ -7,16 +7,20 @@ from typing import Any
 import numpy as np
 
 from lightloom.golden_model.contract.formats import POINT_LIGHT, TRIANGLE
-from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.errors import InputError, warn
 from lightloom.golden_model.numerics.vectors import vector
 from lightloom.golden_model.scene.cuts import cut_parts
 from lightloom.golden_model.scene.keyframes import REST, LightPath
 from lightloom.golden_model.scene.mesh import closed, shading_normals, usable_parts
 from lightloom.golden_model.scene.parts import Part
+from lightloom.golden_model.scene.ray_offset import SPAN, longest_edges
 from lightloom.golden_model.scene.scene import Camera, Keyframe, Scene
 
 LARGEST, SMALLEST = 2.0**40, 2.0**-40
 """Coordinates lie within +-LARGEST and the scene is larger than SMALLEST: squares of lengths stay normal float32."""
+
+MOST_LIFT = 1 / 32
+"""Of a texel, by which a larger triangle that one touches may lift its rays without a word."""
 
 
 def assemble(
@@ -33,7 +37,7 @@ def assemble(
     """Parts to a scene at rest, each part one object. `where` (a file, an option) begins every InputError.
 
     Without `camera` the scene gets one that frames it, without `texel_size` a 64th of its longest side. Triangles
-    without area are left out, with an InputWarning.
+    without area are left out, with an InputWarning; another one tells of triangles whose rays start far off them.
     """
     if not any(len(part.corners) for part in parts):
         raise InputError(f"{where}: no triangles; a scene needs at least one")
@@ -58,9 +62,22 @@ def assemble(
     )
     if fine.reach > LARGEST:
         raise InputError(f"{where}: a path leads beyond +-{LARGEST:.0e}; shorten it")
+    _warn_of_large_neighbours(fine, where)
     if all(part.coarse is None for part in parts):
         return fine
     return replace(fine, coarse=_with_triangles(fine, [part.coarse or part for part in parts]))
+
+
+def _warn_of_large_neighbours(scene: Scene, where: str) -> None:
+    """Says which triangles have light from far above them, because another one that they touch is so large."""
+    lift = scene.spans * SPAN
+    lifted = np.flatnonzero((lift > MOST_LIFT * scene.texel_size) & (scene.spans > 2 * longest_edges(scene.corners)))
+    if len(lifted):
+        first = scene.object_names[scene.object_id[lifted[0]]]
+        warn(
+            f"{where}: {len(lifted)} triangles touch so large ones that rays start up to {lift[lifted].max():.2g} off "
+            f"them, more than {MOST_LIFT:g} of a texel (first: of {first}); split the large ones"
+        )
 
 
 def _assembled(parts: Sequence[Part], **rest: Any) -> Scene:

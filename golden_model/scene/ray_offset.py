@@ -40,15 +40,19 @@ def ray_start(point: np.ndarray, normal: np.ndarray, span: np.ndarray) -> np.nda
     return add(point, scale(normal, lift(point, normal, span)))
 
 
+def longest_edges(corners: np.ndarray) -> np.ndarray:
+    """Of each triangle (T, 3, 3) float32: (T,) float64."""
+    edges = corners.astype(np.float64) - np.roll(corners, 1, axis=1).astype(np.float64)
+    return np.sqrt((edges[..., 0] ** 2 + edges[..., 1] ** 2 + edges[..., 2] ** 2).max(axis=1))
+
+
 def spans(corners: np.ndarray) -> np.ndarray:
     """The span of each triangle (T, 3, 3) float32: (T,) float32.
 
     The longest edge of the triangle and of all that touch it at a vertex, because a ray must not meet a coplanar
     neighbour either. Turning and moving the triangles leaves it as it is.
     """
-    edges = corners.astype(np.float64) - np.roll(corners, 1, axis=1).astype(np.float64)
-    longest = np.sqrt((edges[..., 0] ** 2 + edges[..., 1] ** 2 + edges[..., 2] ** 2).max(axis=1))
     point, _ = numbered(corners.reshape(-1, 3))
     around = np.zeros(len(point))
-    np.maximum.at(around, point, np.repeat(longest, 3))
+    np.maximum.at(around, point, np.repeat(longest_edges(corners), 3))
     return around[point].reshape(-1, 3).max(axis=1).astype(np.float32)

@@ -3,6 +3,7 @@
 Triangles have vertices that are whole multiples of a power of two, so that a neighbour can lie in the very same plane.
 """
 
+import warnings
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
@@ -176,6 +177,26 @@ def test_a_span_reaches_over_triangles_that_touch() -> None:
     apart = [[9, 9, 9], [9, 9, 14], [9, 10, 9]]
     found = ray_offset.spans(np.array([small, large, apart], dtype=np.float32))
     assert found.tolist() == [50, 50, pytest.approx(np.sqrt(26))]
+
+
+@pytest.mark.parametrize(("size", "warned"), [(570, False), (590, True)])
+def test_triangles_beside_others_that_are_far_larger_are_said(tmp_path: Path, size: int, warned: bool) -> None:
+    """A tile at the corner of a ground whose diagonal is 2**14 texels; a metre away it is not lifted."""
+    quad = "[[quad]]\nname='{0}'\ncorners=[[{1},0,0],[{2},0,0],[{2},0,-{3}],[{1},0,-{3}]]\n"
+    path = tmp_path / "tile.toml"
+    ground = quad.format("ground", 0, size, size)
+    path.write_text("texel_size=0.05\n" + quad.format("tile", -1, 0, 1) + ground)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        load_scene(path)
+    off = f"{np.sqrt(2) * size * 2.0**-19:.2g}"
+    expected = (
+        f"{path}: 1 triangles touch so large ones that rays start up to {off} off them, more than 0.03125 of a texel "
+        "(first: of tile); split the large ones"
+    )
+    assert [str(line.message) for line in said] == [expected] * warned
+    path.write_text("texel_size=0.05\n" + quad.format("tile", -2, -1, 1) + ground)
+    load_scene(path)
 
 
 def test_the_lift_by_hand() -> None:
