@@ -5,7 +5,6 @@ then the ones around them that the first pass changes, then those that its means
 made. So what a step needs is a beginning of that order.
 """
 
-import math
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,9 @@ from lightloom.golden_model.tracing.compiled import cached, compiled
 
 _EIGHTHS = np.array(WEIGHTS)
 _SIXTEENTHS = np.array(SHARES)
+_FRACTION = (1 << 52) - 1
+_ROOT = (181 - 128) << 45
+"""181 / 128 in the fraction of a float64."""
 
 
 class CompiledSmoother(Smoother):
@@ -42,17 +44,17 @@ class CompiledSmoother(Smoother):
 
 @compiled
 def half_octaves(number: int) -> int:
-    """As `numerics.logarithm.half_octaves`, of one number."""
-    fraction, exponent = math.frexp(float(max(number, 1)))
-    return 2 * (exponent - 1) + int(fraction >= 181 / 256)
+    """As `numerics.logarithm.half_octaves`, of one number: read off its bits as a float64."""
+    pattern = np.float64(max(number, 1)).view(np.int64)
+    return 2 * ((pattern >> 52) - 1023) + (1 if pattern & _FRACTION >= _ROOT else 0)
 
 
 @compiled
 def in_half(value: float) -> int:
     """Light in 2**-24 that float32 holds, not negative, rounded to binary16, in 2**-24 again."""
-    _, exponent = math.frexp(value)
-    unit = 2.0 ** max(exponent - 11, 0)  # subnormals have the unit of 2**-24
-    return int(np.rint(value / unit) * unit)
+    octave = (np.float64(value).view(np.int64) >> 52) - 1023
+    coarse = np.int64(max(octave - 10, 0))  # subnormals have the unit of 2**-24
+    return np.int64(np.rint(value * np.int64((1023 - coarse) << 52).view(np.float64))) << coarse
 
 
 @compiled
