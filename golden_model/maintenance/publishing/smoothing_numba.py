@@ -43,28 +43,28 @@ class CompiledSmoother(Smoother):
 
 
 @compiled
-def half_octaves(number: int) -> int:
+def half_octaves(number: Any) -> Any:
     """As `numerics.logarithm.half_octaves`, of one number: read off its bits as a float64."""
     pattern = np.float64(max(number, 1)).view(np.int64)
     return 2 * ((pattern >> 52) - 1023) + (1 if pattern & _FRACTION >= _ROOT else 0)
 
 
 @compiled
-def in_half(value: float) -> int:
+def in_half(value: Any) -> Any:
     """Light in 2**-24 that float32 holds, not negative, rounded to binary16, in 2**-24 again."""
-    octave = (np.float64(value).view(np.int64) >> 52) - 1023
-    coarse = np.int64(max(octave - 10, 0))  # subnormals have the unit of 2**-24
+    octave: Any = (np.float64(value).view(np.int64) >> 52) - 1023
+    coarse: Any = max(octave - 10, 0)  # subnormals have the unit of 2**-24
     return np.int64(np.rint(value * np.int64((1023 - coarse) << 52).view(np.float64))) << coarse
 
 
 @compiled
-def luminance(light: Any) -> int:
+def luminance(light: Any) -> Any:
     """As `smoothing.luminance`, of light (3,)."""
     return (light[0] + 2 * light[1] + light[2]) >> 2
 
 
 @compiled
-def mass_of(count: int) -> int:
+def mass_of(count: Any) -> Any:
     """As `smoothing.mass_of`, of one texel."""
     if count == 0:
         return HOLE_MASS
@@ -72,7 +72,7 @@ def mass_of(count: int) -> int:
 
 
 @compiled
-def noise_of(count: int, spread: int, deviation: int, level: int) -> int:
+def noise_of(count: Any, spread: Any, deviation: Any, level: Any) -> Any:
     """As `smoothing.noise_of`, of one texel whose luminance is `level`."""
     relative, samples = HOLE_NOISE, 0
     if count > 0:
@@ -86,7 +86,7 @@ def noise_of(count: int, spread: int, deviation: int, level: int) -> int:
 
 
 @compiled
-def grown(which: Any, place: Any, first: int, beside: Any) -> int:
+def grown(which: Any, place: Any, first: Any, beside: Any) -> Any:
     """Puts what lies beside the `first` texels of `which` behind them, each once; returns how many there are then."""
     total = first
     for index in range(first):
@@ -100,7 +100,7 @@ def grown(which: Any, place: Any, first: int, beside: Any) -> int:
 
 
 @compiled
-def refreshed(here: int, value: Any, counts: Any, one: Any, two: Any, out: Any) -> None:
+def refreshed(here: Any, value: Any, counts: Any, one: Any, two: Any, out: Any) -> None:
     """As `Smoother._refreshed`, of one texel: light (3,) in 2**-24."""
     for channel in range(3):
         out[channel] = int(float(value[here, channel]) * 2.0**VALUE_BITS)
@@ -132,7 +132,7 @@ def refreshed(here: int, value: Any, counts: Any, one: Any, two: Any, out: Any) 
 
 
 @compiled
-def mean_of(what: Any, here: int, beside: Any, place: Any, texel: int) -> int:
+def mean_of(what: Any, here: Any, beside: Any, place: Any, texel: Any) -> Any:
     """As `Smoother._mean`, of the texel at `here`."""
     total = 4 * what[here]
     for k in range(len(_SIXTEENTHS)):
@@ -142,8 +142,8 @@ def mean_of(what: Any, here: int, beside: Any, place: Any, texel: int) -> int:
 
 @compiled
 def moved(
-    here: int, texel: int, beside: Any, place: Any, light: Any, mass: Any, level: Any, noise: Any, out: Any
-) -> int:
+    here: Any, texel: Any, beside: Any, place: Any, light: Any, mass: Any, level: Any, noise: Any, out: Any
+) -> Any:
     """As `Smoother._pass`, of the texel at `here`: its light (3,) after it into `out`; returns the weights' sum."""
     total = np.zeros(3, np.int64)
     taken = 0

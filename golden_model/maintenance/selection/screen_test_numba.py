@@ -64,7 +64,7 @@ def dot(ax: Any, ay: Any, az: Any, b: Any) -> Any:
 
 
 @compiled
-def on_axis(moved: Any, size: int) -> int:
+def on_axis(moved: Any, size: Any) -> Any:
     """As `texel_project._on_axis`."""
     scaled = np.floor(float(moved) * 2.0**PIXEL_BITS)
     if np.isnan(scaled):
@@ -73,13 +73,13 @@ def on_axis(moved: Any, size: int) -> int:
 
 
 @compiled
-def beyond(place: int, size: int) -> int:
+def beyond(place: Any, size: Any) -> Any:
     """As `texel_project._beyond`."""
     return min(max(-place, place - (size << PIXEL_BITS), 0), BEYOND_LIMIT)
 
 
 @compiled
-def taps(place: int, size: int) -> tuple[int, int]:
+def taps(place: Any, size: Any) -> tuple[Any, Any]:
     """As `texel_project._taps`."""
     first, last = (place - (1 << PIXEL_BITS - 1)) >> PIXEL_BITS, size - 1
     kept = 0 if first < 0 else min(first, last)
@@ -101,7 +101,7 @@ def tolerance_of(nx: Any, ny: Any, nz: Any, z: Any, above: Any, outside: Any, ca
 
 
 @compiled
-def outcome(cosine: Any, z: Any, tolerance: Any, seen_depth: Any, rules: Any) -> int:
+def outcome(cosine: Any, z: Any, tolerance: Any, seen_depth: Any, rules: Any) -> Any:
     """As `texel_match._compare`."""
     by_normal, by_depth = rules.normal_test != 0, rules.depth_test != 0
     behind = flush(z - flush(seen_depth))
@@ -150,7 +150,8 @@ def look(
         if farther != 0 and not outside < flush(enlarged * camera.texel_size):
             continue
         tolerance = tolerance_of(nx, ny, nz, away, above, outside, camera, rules)
-        best, finest = HIDDEN, NO_LEVEL
+        best: Any = HIDDEN
+        finest: Any = NO_LEVEL
         for i in taps(row, height):
             for j in taps(column, width):
                 found = outcome(dot(nx, ny, nz, facing[i, j]), away, tolerance, depth[i, j], rules)

@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.scene.files.remarks import Remarks
 
 
 def read_exr(path: Path) -> np.ndarray:
     """The picture of a file: (H, W, C) float16 or float32, C channels R, G, B and A if it is there, or Y alone.
 
-    Raises InputError for a damaged file and for one without these channels.
+    Other channels are said to be left out. Raises InputError for a damaged file and for one without these channels.
     """
     import OpenEXR  # large: not needed by those who read no EXR
 
@@ -27,6 +28,10 @@ def read_exr(path: Path) -> np.ndarray:
     names = [name for name in ("R", "G", "B", "A", "Y") if name in channels]
     if not {"R", "G", "B"} <= set(names) and names != ["Y"]:
         raise InputError(f"{path}: has channels {', '.join(channels)}; a picture needs R, G, B (or Y)")
+    remarks = Remarks(path)
+    for name in sorted(set(channels) - set(names)):
+        remarks.leave_out(f"channel `{name}`")
+    remarks.say()
     return np.stack([channels[name] for name in names], axis=-1)
 
 

@@ -9,8 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.scene.files.remarks import Remarks
 
 LARGEST_SIDE = 16384
+USUAL_PRIMARIES = "0.640 0.330 0.290 0.600 0.150 0.060 0.333 0.333"
+"""Chromaticities that a file without PRIMARIES has; others are taken for these."""
 _BIAS = 136
 """A component is mantissa * 2**(exponent - _BIAS); all are 0 where the exponent is."""
 _LONGEST_RUN = 128
@@ -21,15 +24,14 @@ _RUNS = (8, 0x7FFF)
 def read_hdr(path: Path) -> np.ndarray:
     """The picture of a file, (H, W, 3) float32, its first row on top. Raises InputError for a damaged one."""
     try:
-        data = path.read_bytes()
-        return _picture(data)
+        return _picture(path.read_bytes(), Remarks(path))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
     except (ValueError, IndexError) as error:
         raise InputError(f"{path}: not a readable Radiance picture ({error}); write it again, or as EXR") from error
 
 
-def _picture(data: bytes) -> np.ndarray:
+def _picture(data: bytes, remarks: Remarks) -> np.ndarray:
     head, found, rest = data.partition(b"\n\n")
     lines = head.decode("latin-1").splitlines()
     if not found or not lines or lines[0] not in ("#?RADIANCE", "#?RGBE"):
@@ -39,6 +41,11 @@ def _picture(data: bytes) -> np.ndarray:
         raise ValueError("its FORMAT is not 32-bit_rle_rgbe")
     if {"EXPOSURE", "COLORCORR"} & set(given):
         raise ValueError("it has an EXPOSURE or COLORCORR, which would have to be undone")
+    if given.get("PRIMARIES", USUAL_PRIMARIES).split() != USUAL_PRIMARIES.split():
+        remarks.leave_out("`PRIMARIES`")
+    if float(given.get("PIXASPECT", 1)) != 1:
+        remarks.leave_out("`PIXASPECT`")
+    remarks.say()
     size, _, pixels = rest.partition(b"\n")
     words = size.split()
     if len(words) != 4 or words[0] != b"-Y" or words[2] != b"+X":

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lightloom.golden_model.host.errors import InputError
-from lightloom.golden_model.scene.files.radiance_hdr import read_hdr
+from lightloom.golden_model.host.errors import InputError, InputWarning
+from lightloom.golden_model.scene.files.radiance_hdr import USUAL_PRIMARIES, read_hdr
 from tests.golden_model.mitsuba_scenes import mitsuba
 
 HEAD = b"#?RADIANCE\n# of a test\nFORMAT=32-bit_rle_rgbe\n\n"
@@ -39,6 +39,17 @@ def test_by_hand(tmp_path: Path) -> None:
     found = read_hdr(path)[0]
     assert found[:, 1].tolist() == [k / 256 for k in range(1, 3)] + [float(k) for k in range(3, 10)]
     assert found[:, 0].tolist() == [7 / 256] * 2 + [7.0] * 7
+
+
+@pytest.mark.parametrize("line", ["PRIMARIES=.7 .3 .2 .7 .1 .1 .3 .3", "PIXASPECT=2"])
+def test_what_is_left_out_is_said(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "a.hdr"
+    path.write_bytes(HEAD.replace(b"# of a test", line.encode()) + b"-Y 1 +X 1\n" + bytes([128, 64, 0, 129]))
+    with pytest.warns(InputWarning, match=f"a.hdr: left out: `{line.partition('=')[0]}`"):
+        assert read_hdr(path).tolist() == [[[1, 0.5, 0]]]
+    usual = "PRIMARIES=" + USUAL_PRIMARIES
+    path.write_bytes(HEAD.replace(b"# of a test", usual.encode()) + b"-Y 1 +X 1\n" + bytes([128, 64, 0, 129]))
+    assert read_hdr(path).tolist() == [[[1, 0.5, 0]]]
 
 
 @pytest.mark.parametrize(

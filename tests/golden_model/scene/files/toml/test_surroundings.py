@@ -3,9 +3,10 @@
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 import pytest
 
-from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.errors import InputError, InputWarning
 from lightloom.golden_model.pictures.images import write_exr
 from lightloom.golden_model.scene.pose import scene_at
 from lightloom.golden_model.scene.scene import Scene, require_light
@@ -49,6 +50,15 @@ def test_a_sky_from_exr(tmp_path: Path, dtype: type[np.floating], channels: int)
         sky.radiance, stored[..., :3].astype(np.float32) * np.array([1, 2, 4], dtype=np.float32)
     )
     assert sky.rotation @ np.array([0, 0, -1], dtype=np.float32) == pytest.approx([-1, 0, 0]), "a quarter turn about y"
+
+
+def test_channels_of_an_exr_file_that_are_no_colours_are_said(tmp_path: Path) -> None:
+    planes = {name: np.full((2, 4), value, dtype=np.float32) for name, value in zip("RGBZ", (1, 2, 3, 9), strict=True)}
+    OpenEXR.File({"type": OpenEXR.scanlineimage}, planes).write(str(tmp_path / "sky.exr"))
+    with pytest.warns(InputWarning, match="sky.exr: left out: channel `Z`"):
+        sky = of(tmp_path, "[sky]\nimage = 'sky.exr'\n").environment.sky
+    assert sky is not None
+    assert (sky.radiance == [1, 2, 3]).all()
 
 
 def test_a_sun(tmp_path: Path) -> None:
