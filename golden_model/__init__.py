@@ -11,3 +11,6 @@ Its floors, the top first; an import leads from a floor to a lower one (`tests/t
 
 A unit's name here is its name in `rtl` and in `verif`.
 """
+
+if __name__ != "lightloom.golden_model":
+    raise ImportError("golden_model is a room of lightloom: import lightloom.golden_model")

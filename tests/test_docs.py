@@ -63,7 +63,8 @@ MODEL = "lightloom.golden_model"
 BEGINNINGS = (
     *(f"{MODEL}.scene.files.load", f"{MODEL}.renderer"),
     *(f"{MODEL}.tracing.wide_bvh.memory_image", f"{MODEL}.tracing.wide_bvh.traversal"),
-    *("lightloom.rtl.traversal.array", "lightloom.rtl.registers.front"),
+    *(f"{MODEL}.machine.schedule", f"{MODEL}.pictures.images", f"{MODEL}.pictures.texel_views"),
+    *("lightloom.rtl.catalogue", "lightloom.rtl.buses", "lightloom.rtl.registers.front"),
 )
 """Where a texel and a ray begin, in the model and in hardware: what is on their way is what these draw on."""
 WHOLE = ("golden_model/numerics", "golden_model/contract", "golden_model/host", "rtl/operators")

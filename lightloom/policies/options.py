@@ -9,6 +9,7 @@ from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.selection.policy import POLICIES
 from lightloom.golden_model.oracle.converged_maps import require_rays
+from lightloom.golden_model.tracing.bvh.structure import require_threads
 
 BASELINE = "round-robin"
 """What the others are compared with, where it takes part; else the first one."""
@@ -54,6 +55,7 @@ class Comparison:
             if value < 1:
                 raise InputError(f"--{name} {value}: must be at least 1")
         require_rays(self.reference_rays, "--reference-rays")
+        require_threads(self.threads, "--threads")
         if self.true_samples < 0 or self.true_samples % 2:
             raise InputError(f"--true-samples {self.true_samples}: must be even, half for each of two pictures")
         if any(not 0 <= frame < self.frames for frame in self.key_frames):

@@ -85,6 +85,7 @@ class RenderOptions:
         from lightloom.golden_model.frame.rasterizer import MODES
         from lightloom.golden_model.maintenance.publishing.flip_chain import LONGEST
         from lightloom.golden_model.maintenance.selection.policy import POLICIES
+        from lightloom.golden_model.tracing.bvh.structure import require_threads
         from lightloom.golden_model.tracing.bvh.traversal import BACKENDS
         from lightloom.render.policy_pictures import QUANTITIES
 
@@ -94,6 +95,7 @@ class RenderOptions:
         choose(self.direct, ("maps", "rays"), "value of --direct")
         for name in self.view or ():
             choose(name, [quantity.name for quantity in QUANTITIES], "view")
+        require_threads(self.threads, "--threads")
         at_least(self.supersample, 1, "--supersample")
         if not 1 <= self.versions <= LONGEST:
             raise InputError(f"--versions {self.versions}: must be 1 to {LONGEST}")

@@ -27,6 +27,12 @@ from lightloom.golden_model.tracing.recorder import TestRecorder
 MOST_THREADS = 256
 
 
+def require_threads(threads: int, called: str = "threads") -> None:
+    """Raises InputError for a number of threads out of range; `called` is what the user knows it by."""
+    if not 1 <= threads <= MOST_THREADS:
+        raise InputError(f"{called} {threads}: must be 1 to {MOST_THREADS}")
+
+
 class Structure:
     """Traces rays through the frames of a scene, one frame at a time: a `trace_protocol.Trace`."""
 
@@ -42,8 +48,7 @@ class Structure:
 
         `threads`, 1 to 256, changes no bit of any hit; what a recorder sees goes through one. Raises InputError.
         """
-        if not 1 <= threads <= MOST_THREADS:
-            raise InputError(f"threads {threads}: must be 1 to {MOST_THREADS}")
+        require_threads(threads)
         self.backend, self.recorder, self.threads = backend_of(backend), recorder, threads
         self.options = options or ForestOptions()
         self._pool = ThreadPoolExecutor(threads) if threads > 1 else None
