@@ -8,6 +8,8 @@ from importlib.metadata import version
 from lightloom.golden_model.host.errors import InputError
 from lightloom.rtl.config import Config
 
+LONGEST_PREFIX = 64
+"""Of a prefix; tools and file systems limit names."""
 LICENCE = "Apache-2.0"
 """Of what is emitted, as of the project, by its SPDX identifier."""
 MARK = "// SHA-256 of all that follows this line: "
@@ -29,6 +31,9 @@ def header(title: str, config: Config, preset: str | None, verilog: str) -> str:
 
 def checked_prefix(prefix: str) -> str:
     """What the names of all modules are to begin with, if a name can. Raises InputError where it cannot."""
-    if re.fullmatch(r"([A-Za-z_]\w*)?", prefix, re.ASCII):
+    if len(prefix) <= LONGEST_PREFIX and re.fullmatch(r"([A-Za-z_]\w*)?", prefix, re.ASCII):
         return prefix
-    raise InputError(f"--prefix {prefix!r}: must be letters, digits and underscores, and not begin with a digit")
+    raise InputError(
+        f"--prefix {prefix!r}: must be letters, digits and underscores, {LONGEST_PREFIX} at most, and not begin with a "
+        "digit"
+    )

@@ -47,7 +47,7 @@ so is what is answered: no path leads from an input of the port to one of its ou
 - An event that comes in the cycle in which it is cleared stays.
 - A control of more than 32 bits is two registers, NAME_low and NAME_high.
 - A register of 64 bits is read by its lower word first: that keeps the upper word, and a read of any upper word gives
-  what was kept last. So a counter is whole, as long as nobody reads another one between its halves.
+  what was kept last, after a reset 0. So a counter is whole, as long as nobody reads another one between its halves.
   The SystemRDL says so by `buffer_reads`, a property that PeakRDL-regblock knows: a block that it makes of the file
   keeps the upper word of each such register by itself.
 

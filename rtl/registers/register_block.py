@@ -108,7 +108,7 @@ class RegisterBlock(wiring.Component):
         with m.If(port.rready):
             m.d.sync += port.rvalid.eq(0)
 
-        kept = Signal(DATA_BITS, reset_less=True, name="upper_half")
+        kept = Signal(DATA_BITS, name="upper_half")
         found, word = Signal(name="read_found"), Signal(DATA_BITS, name="read_word")
         with m.Switch(address):
             for register in self.table.registers:

@@ -156,7 +156,7 @@ def test_a_file_says_what_it_is(base: Path) -> None:
     assert json.loads((base / "ray_time.json").read_text())["licence"] == LICENCE
 
 
-@pytest.mark.parametrize("prefix", ["9a_", "a-", "a b", "ä", "a\n"])
+@pytest.mark.parametrize("prefix", ["9a_", "a-", "a b", "ä", "a\n", "a" * 65])
 def test_a_prefix_that_no_name_begins_with(prefix: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=f"^--prefix {re.escape(repr(prefix))}: must be letters"):
         emit(["float_compare"], PRESETS["tiny"], "tiny", tmp_path / "out", prefix=prefix)

@@ -129,6 +129,7 @@ def _blend(i: np.ndarray, o: np.ndarray) -> Groups:
             noticed=o["noticed"],
             not_noticed=known & ~o["noticed"] & (i["count"] >> COUNT_BITS >= i["notice_count"]),
             too_few_samples=known & (i["count"] >> COUNT_BITS < i["notice_count"]),
+            no_samples_where_none_are_asked_for=(i["count"] == 0) & (i["notice_count"] == 0),
         ),
         "deviation": cases(
             falls=known & (o["deviation"] < i["deviation"]),

@@ -9,6 +9,7 @@ from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.formats import (
     F2,
     ONE_SAMPLE,
+    PIXEL_BITS,
     RAY_GROUPS,
     RELATIVE_MAX,
     SCREEN_BITS,
@@ -77,7 +78,7 @@ def _seen_at(x: np.ndarray, y: np.ndarray, depth: np.ndarray, size: np.ndarray, 
         out[name] = value
     out["focal"], out["near"] = focal, np.abs(depth) * rng.choice([0.001, 0.5, 1.0], count, p=[0.9, 0.05, 0.05])
     out["width"], out["height"] = width, height
-    out["texel_size"] = np.abs(depth) / focal * np.exp2(rng.uniform(-4, 3, count))
+    out["texel_size"] = np.abs(depth) / focal * np.exp2(rng.uniform(-10, 3, count))
     out["facing_shift"] = rng.choice([31, 4, 0], count, p=[0.1, 0.8, 0.1])
     return out
 
@@ -93,9 +94,12 @@ def on_the_screen(count: int, rng: Generator) -> np.ndarray:
 
 
 def at_the_border(count: int, rng: Generator) -> np.ndarray:
-    """Within two pixels of an end of a row or a column, inside and outside; pictures of any size."""
+    """Within two pixels of an end of a row or a column, inside and outside, some by as little as a place may differ;
+    pictures of any size."""
     size = rng.choice(SIDES, (count, 2))
-    off = rng.choice([-2, -1, -0.5, -0.25, 0, 0.25, 0.5, 1, 2], (count, 2)) / np.maximum(size, 1)
+    least = 1 / (1 << PIXEL_BITS)
+    off = rng.choice([-2, -1, -0.5, -0.25, -2 * least, 0, 2 * least, 0.25, 0.5, 1, 2], (count, 2))
+    off = (off + rng.uniform(-least, least, (count, 2))) / np.maximum(size, 1)
     place = rng.integers(0, 2, (count, 2)) + off
     middle = rng.random(count) < 0.5
     place[middle, rng.integers(0, 2, count)[middle]] = 0.5
@@ -227,7 +231,7 @@ def _settings(out: np.ndarray, rng: Generator) -> None:
     out["alpha_heavy"] = rng.choice([0.0, 0.5, 1.0], count, p=[0.1, 0.8, 0.1])
     out["notice_factor"] = rng.choice([0, 64, 255], count, p=[0.1, 0.8, 0.1])
     out["notice_floor"] = rng.choice([0, 13, RELATIVE_MAX], count, p=[0.1, 0.8, 0.1])
-    out["notice_count"] = rng.choice([1, 8, 255], count, p=[0.1, 0.8, 0.1])
+    out["notice_count"] = rng.choice([0, 1, 8, 255], count, p=[0.1, 0.1, 0.7, 0.1])
 
 
 def samples_in(whole: np.ndarray, rng: Generator) -> np.ndarray:

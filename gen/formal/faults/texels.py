@@ -51,6 +51,9 @@ FAULTS = (
         "Mux((halves < 0) | ~negative, 0,",
         "no right and lower end",
     ),
+    _fault(
+        PROJECT, "nearly-on-the-screen", "less | ~farther.any()", "less | (farther < 4)", "off it by 3/256 is on it"
+    ),
     # Only a screen without pixels has places as far off: of inputs by chance there is none.
     _fault(
         *(PROJECT, "far-off-wraps", " | distance[MOST_BITS:].any()", " | 0 & distance[0]", "what is far off is near"),
@@ -108,6 +111,13 @@ FAULTS = (
         "(latest << NOTICE_BITS) > limit",
         "(latest << NOTICE_BITS) >= limit",
         "usual samples are noticed",
+    ),
+    _fault(
+        BLEND,
+        "unknown-is-noticed",
+        "return count.any() & (count[COUNT_BITS:] >= least)",
+        "return (count[COUNT_BITS:] >= least)",
+        "what has no average departs from it",
     ),
     _fault(
         BLEND, "steps-towards-zero", "(magnitude + (1 << shift) - 1) >> shift", "magnitude >> shift", "means stop short"
