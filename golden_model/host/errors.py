@@ -10,8 +10,7 @@ class InputError(Exception):
     """
 
     def __init__(self, message: str) -> None:
-        # Names in files may hold line breaks.
-        super().__init__(" ".join(message.splitlines()))
+        super().__init__(_one_line(message))
 
 
 class InputWarning(UserWarning):
@@ -23,4 +22,9 @@ class InputWarning(UserWarning):
 
 def warn(message: str) -> None:
     """Says what was left out or changed."""
-    warnings.warn(" ".join(message.splitlines()), InputWarning, stacklevel=3)
+    warnings.warn(_one_line(message), InputWarning, stacklevel=3)
+
+
+def _one_line(message: str) -> str:
+    """What may hold names of files and from files, without line breaks and without what a terminal would obey."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in " ".join(message.splitlines()))

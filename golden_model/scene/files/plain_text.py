@@ -1,6 +1,8 @@
 """Text of mesh files: byte order marks, and words that are numbers."""
 
 import codecs
+import math
+import re
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -19,8 +21,17 @@ def without_mark(data: bytes) -> bytes:
     return data
 
 
+NO_NUMBER = re.compile(r"[+-]?(?:nan(?:\(\w*\))?|1\.#(?:ind|[qs]nan)\d*)", re.IGNORECASE)
+"""NaN, as the run-time libraries of C print it."""
+INFINITE = re.compile(r"([+-]?)1\.#inf\d*", re.IGNORECASE)
+
+
 def real(word: str) -> float:
     """A number. Raises ValueError for other words, among them 1_0 and foreign digits, which Python would read."""
+    if NO_NUMBER.fullmatch(word):
+        return math.nan
+    if infinite := INFINITE.fullmatch(word):
+        return float(f"{infinite[1]}inf")
     return _number(float, word)
 
 

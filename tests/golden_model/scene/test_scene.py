@@ -401,7 +401,6 @@ def test_unknown_scenes_and_files() -> None:
         (("f 4 3 2 1", "f 4 3 2 9"), "line 13: a face names a vertex that does not exist; the file has 8"),
         (("f 4 3 2 1", "f 4 3 2 0"), "line 13: a face names a vertex, normal or `vt` that does not exist"),
         (("f 4 3 2 1", "f 4 3 2 -9"), "line 13: a face names a vertex, normal or `vt` that does not exist"),
-        (("f 4 3 2 1", "f 4 3"), "line 13: a face needs three or more corners"),
         (("f 4 3 2 1", "f 4 3 /"), "line 13: '/' is not a corner of a face"),
         (("f 4 3 2 1", "f 4 3 2 99999999999999999999"), "line 13: a face names a vertex, normal or `vt` that does not"),
         (("f ", "g "), "no triangles"),

@@ -24,8 +24,9 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 MOST_ELEMENTS = 1 << 26
 """Of an accessor, which need not have data for them: those that are not given are zero."""
 
-MOST_PADDING = 3
-"""Bytes by which the binary part of a .glb file may be longer than its buffer."""
+MOST_PADDING = 7
+"""Bytes by which the binary part of a .glb file may be longer than its buffer: 3 of the format's own, 7 in tiles of 3D
+maps, which align to eight."""
 
 ADDRESS = re.compile(r"[a-z][a-z0-9+.-]*://", re.IGNORECASE)
 """How a `uri` begins that is not the name of a file."""

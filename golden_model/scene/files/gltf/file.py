@@ -46,6 +46,9 @@ def load_gltf(path: Path) -> list[Part]:
     remarks = Remarks(path)
     document = gltf_document(path, remarks)
     try:
+        for names in (document.extensionsRequired, document.extensionsUsed):
+            if not isinstance(names, list | None):
+                raise ValueError(f"extensions are a list, not {names!r:.40}")
         for extension in document.extensionsRequired or []:
             if extension not in EXTENSIONS:
                 raise not_understood(path, str(extension))

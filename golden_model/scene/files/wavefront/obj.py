@@ -51,6 +51,8 @@ def load_obj(path: Path) -> list[Part]:
     remarks = Remarks(path)
     materials = Materials(path)
     objects = [_Faces(path.stem)]
+    short: list[int] = []
+    line = 0
     material = ""
     for line, key, text in lines(path):
         where = f"{path}, line {line}"
@@ -67,9 +69,9 @@ def load_obj(path: Path) -> list[Part]:
             coordinates.append(_two(where, key, values))
             if differs(values[2:], 0):
                 remarks.leave_out("third coordinates of `vt`")
+        elif key in ("f", "fo") and len(values) < 3:
+            short.append(line)
         elif key in ("f", "fo"):
-            if len(values) < 3:
-                raise InputError(f"{where}: a face needs three or more corners; the file may be cut off")
             faces = objects[-1]
             faces.corners += [_corner(where, word, len(vertices), len(normals), len(coordinates)) for word in values]
             faces.sizes.append(len(values))
@@ -84,6 +86,10 @@ def load_obj(path: Path) -> list[Part]:
             materials.load(text, line)
         elif key not in UNSEEN:
             remarks.leave_out(f"`{key[:LONGEST_WORD]}`")
+    if short[-1:] == [line]:
+        raise InputError(f"{path}, line {line}: a face needs three or more corners; the file may be cut off")
+    if short:
+        remarks.leave_out(f"{len(short)} faces of fewer than three corners (first: line {short[0]})")
     colours = materials.colours()
     points = np.array(vertices, dtype=np.float64).reshape(-1, 3)
     directions = np.array(normals, dtype=np.float64).reshape(-1, 3)

@@ -285,6 +285,43 @@ def test_words_of_materials_that_are_not_known_are_said(tmp_path: Path) -> None:
     ]
 
 
+def test_names_of_materials_may_hold_a_hash(tmp_path: Path) -> None:
+    """As 3ds Max numbers them; elsewhere ` #` begins a comment."""
+    (tmp_path / "a.mtl").write_text("newmtl M #1\nKd 1 0 0 # red\nnewmtl M #2\nKd 0 1 0\n")
+    path = tmp_path / "mesh.obj"
+    path.write_text(
+        "mtllib a.mtl\nv 0 0 0 # first\nv 1 0 0\nv 0 1 0\nv 1 1 0\nusemtl M #1\nf 1 2 3\nusemtl M #2\nf 2 4 3\n"
+    )
+    (part,) = load_mesh(path)
+    assert part.albedo[part.material].tolist() == [[1, 0, 0], [0, 1, 0]]
+
+
+@pytest.mark.parametrize("nan", ["nan", "-nan(ind)", "-1.#IND00", "1.#QNAN"])
+def test_normals_that_are_no_numbers_are_left_out(tmp_path: Path, nan: str) -> None:
+    """As run-time libraries print them."""
+    path = tmp_path / "mesh.obj"
+    path.write_text(f"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn {nan} 0 0\nf 1//1 2//1 3//1\n")
+    with pytest.warns(InputWarning, match="left out: `vn` of objects"):
+        (part,) = load_mesh(path)
+    assert part.normals is None
+
+
+def test_faces_of_two_corners_are_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "mesh.obj"
+    path.write_text(TRIANGLE + "f 1 2\nf 1 2 3\nf 3 1\nf 3 2 1\n")
+    with pytest.warns(InputWarning, match=r"left out: 2 faces of fewer than three corners \(first: line 6\)"):
+        (part,) = load_mesh(path)
+    assert len(part.corners) == 3
+
+
+def test_a_terminal_obeys_no_name(tmp_path: Path) -> None:
+    path = tmp_path / "mesh.obj"
+    path.write_bytes(TRIANGLE.encode() + b"\x1b[31mred 1\n\x1a")
+    with pytest.warns(InputWarning) as said:
+        load_mesh(path)
+    assert [str(one.message) for one in said] == [rf"{path}: left out: `\x1b[31mred`"]
+
+
 # --- refusals -----------------------------------------------------------------------------------------------------
 
 
