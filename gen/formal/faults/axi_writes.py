@@ -22,6 +22,14 @@ FAULTS = (
         checks=("axi_writer/fence-256",),
     ),
     Mutation(
+        name="writer-counts-one-too-few",
+        file=WRITER,
+        old="under_way = Signal(range(self.writes + 1))",
+        new="under_way = Signal(range(self.writes))",
+        what="with all blocks under way that may be the writer is idle",
+        checks=("axi_writer/fence-256",),
+    ),
+    Mutation(
         name="writes-below-the-base",
         file=WRITER,
         old="(Cat(Const(0, OFFSET_BITS), block) >= self.base) & (block",
@@ -304,5 +312,13 @@ FAULTS = (
             "axi_write_arbiter/silent-memory",
             "tests/rtl/memory/test_axi_write_arbiter.py::test_answers_that_nobody_asked_for_do_not_count",
         ),
+    ),
+    Mutation(
+        name="write-arbiter-counts-one-too-few",
+        file=ARBITER,
+        old="left = Signal(range(self.writes + 1))",
+        new="left = Signal(range(self.writes))",
+        what="an abort with all bursts under way that may be is over at once",
+        checks=("axi_write_arbiter/abort",),
     ),
 )

@@ -300,6 +300,14 @@ FAULTS = (
         checks=("free_list/count3",),
     ),
     Mutation(
+        name="free-numbers-counted-one-too-few",
+        file=QUEUES,
+        old="fresh = Signal(range(self.count + 1))",
+        new="fresh = Signal(range(self.count))",
+        what="the first numbers are given away again behind the last",
+        checks=("free_list/count1",),
+    ),
+    Mutation(
         name="overtakes-in-queue",
         file=QUEUES,
         old="past.eq(moves & (waiting.level == 0))",
