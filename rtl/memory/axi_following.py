@@ -48,6 +48,7 @@ class Fifo:
     """First in, first out, what was put last cycle or earlier; `count` are inside. Depth a power of two."""
 
     def __init__(self, m: Module, name: str, depth: int, shape: Any):
+        depth = max(depth, 2)  # a memory has no fewer words
         m.submodules[name] = memory = RegisterFile(shape, depth)
         self._m, self._memory, self.depth = m, memory, depth
         self._into = Signal(range(2 * depth), name=f"{name}_into")

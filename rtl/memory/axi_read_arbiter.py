@@ -32,6 +32,8 @@ class AxiReadArbiter(Component):
         """`id_width` is that of the masters, which have at most `reads` bursts of a block each under way in all."""
         if count < 1:
             raise ValueError(f"an arbiter needs at least one master, not {count}")
+        if reads < 1:
+            raise ValueError(f"reads must be at least 1, not {reads}")
         self.count, self.reads = count, reads
         self.number_width = (count - 1).bit_length()
         widths = {"address_width": address_width, "data_width": data_width}

@@ -30,6 +30,8 @@ class AxiWriteArbiter(Component):
         """`id_width` is that of the masters, which have at most `writes` bursts of a block each under way in all."""
         if count < 1:
             raise ValueError(f"an arbiter needs at least one master, not {count}")
+        if writes < 1:
+            raise ValueError(f"writes must be at least 1, not {writes}")
         self.count, self.writes = count, writes
         self.number_width = (count - 1).bit_length()
         widths = {"address_width": address_width, "data_width": data_width}

@@ -235,6 +235,8 @@ def test_beats_that_nobody_asked_for_do_not_count() -> None:
 def test_arbiters_that_cannot_be_built() -> None:
     with pytest.raises(ValueError, match="at least one master, not 0"):
         AxiReadArbiter(0, **SHAPE)
+    with pytest.raises(ValueError, match="reads must be at least 1, not 0"):
+        AxiReadArbiter(2, **SHAPE | {"reads": 0})
     for name, value in {"address_width": 65, "data_width": 100, "id_width": 0}.items():
         with pytest.raises(ValueError, match=f"{name} must be"):
             AxiReadArbiter(2, **(SHAPE | {name: value}))

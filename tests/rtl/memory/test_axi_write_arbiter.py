@@ -315,6 +315,8 @@ def test_answers_to_nobody_are_dropped() -> None:
 def test_arbiters_that_cannot_be_built() -> None:
     with pytest.raises(ValueError, match="at least one master, not 0"):
         AxiWriteArbiter(0, **SHAPE)
+    with pytest.raises(ValueError, match="writes must be at least 1, not 0"):
+        AxiWriteArbiter(2, **SHAPE | {"writes": 0})
     for name, value in {"address_width": 65, "data_width": 100, "id_width": 0}.items():
         with pytest.raises(ValueError, match=f"{name} must be"):
             AxiWriteArbiter(2, **(SHAPE | {name: value}))
