@@ -2,7 +2,8 @@
 
 from lightloom.gen.formal.mutations import Mutation
 
-SHARING, FOLLOWING = (f"rtl/memory/{name}.py" for name in ("axi_sharing", "axi_following"))
+SHARING, CHECKER, FOLLOWING = (f"rtl/memory/{name}.py" for name in ("axi_sharing", "axi_checker", "axi_following"))
+CHECKED = "tests/rtl/memory/test_axi_checker.py"
 
 FAULTS = (
     Mutation(
@@ -49,7 +50,7 @@ FAULTS = (
         old="(before == whole.of(port.bid))",
         new="(before != whole.of(port.bid))",
         what="the checker takes answers to whole bursts for early ones",
-        checks=("tests/rtl/memory/test_axi_checker.py::test_no_rule_is_named_while_all_are_kept",),
+        checks=(f"{CHECKED}::test_no_rule_is_named_while_all_are_kept",),
     ),
     Mutation(
         name="strobes-unseen",
@@ -57,7 +58,7 @@ FAULTS = (
         old="looks & (beats.head.strb & ~may).any()",
         new="looks & 0",
         what="the checker does not see strobes outside of a beat",
-        checks=("tests/rtl/memory/test_axi_checker.py::test_bench",),
+        checks=(f"{CHECKED}::test_bench",),
     ),
     Mutation(
         name="beats-of-nothing-unseen",
@@ -65,6 +66,70 @@ FAULTS = (
         old="awaited.eq(now.bursts != asked.of(port.rid))",
         new="awaited.eq(1)",
         what="the checker does not see beats of no burst",
-        checks=("tests/rtl/memory/test_axi_checker.py::test_bench",),
+        checks=(f"{CHECKED}::test_bench",),
+    ),
+    Mutation(
+        name="wrap-of-one-unseen",
+        file=CHECKER,
+        old="in (2, 4, 8, 16))",
+        new="in (1, 2, 4, 8, 16))",
+        what="the checker lets a WRAP of one beat pass",
+        checks=(f"{CHECKED}::test_what_a_burst_may_be",),
+    ),
+    Mutation(
+        name="wrap-of-32-unseen",
+        file=CHECKER,
+        old="in (2, 4, 8, 16))",
+        new="in (2, 4, 8, 16, 32))",
+        what="the checker lets a WRAP of 32 beats pass",
+        checks=(f"{CHECKED}::test_what_a_burst_may_be",),
+    ),
+    Mutation(
+        name="blocks-aligned-to-beats",
+        file=CHECKER,
+        old="address[:OFFSET_BITS] != 0",
+        new="address[axi.beat_size : OFFSET_BITS] != 0",
+        what="the checker lets a block begin within a beat",
+        checks=(f"{CHECKED}::test_what_a_burst_may_be",),
+    ),
+    Mutation(
+        name="latest-rule-kept",
+        file=CHECKER,
+        old="in_reset | (kept == 0)",
+        new="in_reset | (now != 0)",
+        what="the checker tells the rule that was broken last",
+        checks=(f"{CHECKED}::test_the_first_rule_is_kept",),
+    ),
+    Mutation(
+        name="reads-of-an-id-unseen",
+        file=FOLLOWING,
+        old='"ar_too_many": asks &',
+        new='"ar_too_many": asks & (bursts == 1) &',
+        what="the checker does not count the reads of an id where there may be several",
+        checks=(f"{CHECKED}::test_as_many_as_there_may_be_and_one_more",),
+    ),
+    Mutation(
+        name="write-too-many-unseen",
+        file=FOLLOWING,
+        old="(under_way == bursts)",
+        new="(under_way > bursts)",
+        what="the checker lets a write more be under way than may be",
+        checks=(f"{CHECKED}::test_as_many_as_there_may_be_and_one_more",),
+    ),
+    Mutation(
+        name="block-too-far-unseen",
+        file=FOLLOWING,
+        old="(leads >= ahead)",
+        new="(leads > ahead)",
+        what="the checker lets data be a block further ahead than may be",
+        checks=(f"{CHECKED}::test_as_many_as_there_may_be_and_one_more",),
+    ),
+    Mutation(
+        name="beat-too-far-unseen",
+        file=FOLLOWING,
+        old="takes & (beats.count == ahead) & ~looks",
+        new="takes & (beats.count > ahead) & ~looks",
+        what="the checker lets data be a beat further ahead than may be",
+        checks=(f"{CHECKED}::test_as_many_as_there_may_be_and_one_more",),
     ),
 )
