@@ -26,7 +26,7 @@ def _addresses(channel: str) -> dict[str, str]:
         "of blocks, another length than a block's",
         f"{channel}_alignment": "a WRAP that begins within a beat; of blocks, an address within a block",
         f"{channel}_boundary": "a burst crosses a boundary of 4 KB",
-        f"{channel}_too_many": "more bursts under way than there may be; of reads, with one id",
+        f"{channel}_too_many": "an address is taken while as many bursts as may be are under way; of reads, of its id",
     }
 
 
@@ -40,7 +40,7 @@ AXI_RULES: dict[str, str] = {
     "w_last_early": "WLAST on another beat than the last of the burst",
     "w_last_missing": "the last beat of a burst has no WLAST",
     "w_strobe": "a strobe of a byte that is not the beat's",
-    "w_too_far": "more data ahead of its addresses than there may be",
+    "w_too_far": "data is taken while as much is ahead of its addresses as may be",
     "b_unasked": "an answer of an id of which no burst is under way",
     "b_early": "an answer before the last beat of the id's oldest burst was taken",
     "b_exclusive": "EXOKAY, though nothing was written exclusively",

@@ -38,7 +38,11 @@ class AxiChecker(wiring.Component):
     def __init__(self, axi: AxiPort | Axi, *, blocks: bool = True, reads: int = 1, writes: int = 64, ahead: int = 16):
         """`blocks`: bursts have to be whole blocks, as units of this project read and write them. There may be `reads`
         bursts of an id under way, and `writes` write bursts in all; `ahead` bursts, or beats where bursts are not
-        blocks, may have come before their addresses. These numbers are powers of two.
+        blocks, may have come before their addresses. These numbers are powers of two, from 1 on.
+
+        Each is compared with what was so before a cycle: an address or a beat is one too many if it is taken while the
+        number is reached, also where in the same cycle a burst is answered, an id's last beat is taken, or an address
+        that is waited for. Room that this makes is there from the next cycle on.
         """
         self.axi, self.blocks, self.reads, self.writes, self.ahead = axi, blocks, reads, writes, ahead
         for name in ("reads", "writes", "ahead"):

@@ -70,7 +70,10 @@ class Fifo:
 
 
 def follow_reads(m: Module, port: Any, axi: AxiPort, *, bursts: int) -> Rules:
-    """Beats of reads against what was asked for; `bursts` of an id, a power of two, may be under way."""
+    """Beats of reads against what was asked for; `bursts` of an id, a power of two, may be under way.
+
+    One whose last beat is taken in a cycle is still under way in that cycle.
+    """
     slots = bursts.bit_length() - 1
     done_shape = data.StructLayout({"bursts": slots + 1, "beat": 8})
     asked = EachId(m, "asked_reads", axi.id_width, slots + 1, reads=2)
@@ -111,7 +114,8 @@ def follow_reads(m: Module, port: Any, axi: AxiPort, *, bursts: int) -> Rules:
 def follow_writes(m: Module, port: Any, axi: AxiPort, *, bursts: int) -> tuple[Rules, Value]:
     """Answers to writes against what was taken; and of how many bursts the data was ahead of the addresses.
 
-    `bursts`, a power of two, may be under way in all.
+    `bursts`, a power of two, may be under way in all. One whose answer is taken in a cycle is still under way in that
+    cycle.
     """
     bits = bursts.bit_length()
     asked, whole, answered = (
@@ -152,7 +156,8 @@ def follow_writes(m: Module, port: Any, axi: AxiPort, *, bursts: int) -> tuple[R
 
 
 def block_beats(m: Module, port: Any, axi: AxiPort, *, leads: Value, ahead: int) -> Rules:
-    """Beats of bursts that are blocks: their number, and that no more than `ahead` bursts lead."""
+    """Beats of bursts that are blocks: their number, and that none is taken while `ahead` bursts lead: `leads` is as it
+    was before the cycle."""
     beat = Signal(range(axi.block_beats))
     at_end = beat == axi.block_beats - 1
     takes = port.wvalid & port.wready
@@ -168,7 +173,8 @@ def block_beats(m: Module, port: Any, axi: AxiPort, *, leads: Value, ahead: int)
 def any_beats(m: Module, port: Any, axi: AxiPort, *, bursts: int, ahead: int) -> Rules:
     """Beats of any bursts against their addresses, where these have come: number and strobes, a cycle late or later.
 
-    `bursts` and `ahead`, of beats, are powers of two.
+    `bursts` and `ahead`, of beats, are powers of two. A beat is ahead until it is looked at, in the cycle after its
+    address was taken or later; none is taken while `ahead` are, unless one is looked at.
     """
     lanes = axi.data_width // 8
     lane_bits = axi.beat_size
