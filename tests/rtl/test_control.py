@@ -275,6 +275,56 @@ async def node_result(ctx: Any, dut: Control, context: int, count: int, leaf: in
     ctx.set(dut.node.valid, 0)
 
 
+def test_one_visit_at_a_time_is_for_the_ray_that_began_again() -> None:
+    """Its stack is full, so it begins again, with one visit at a time; the next ray in its context has as many as it
+    may. The other contexts are taken all the time."""
+    dut, simulation = compiled()
+    overlap, root = SMALL.traversal.overlap, 1
+    children = overlap + 2
+
+    async def testbench(ctx: Any) -> None:
+        async def asked(cycles: int = 40) -> list[int]:
+            addresses = []
+            for _ in range(cycles):
+                if ctx.get(dut.node_request.valid):
+                    assert ctx.get(dut.node_request.payload.context) == 0
+                    addresses.append(ctx.get(dut.node_request.payload.address))
+                await ctx.tick()
+            return addresses
+
+        await rays_begin(ctx, dut, SMALL.traversal.contexts, levels=1)
+        ctx.set(dut.finished.ready, 1)
+        ctx.set(dut.node.payload.base, 100)
+        for count in (SMALL.traversal.stack, 2):  # all but one of its places, and the last one
+            await node_result(ctx, dut, 0, count, 0)
+            assert await asked() == [100]
+        await node_result(ctx, dut, 0, 2, 0)
+        assert await asked() == [root]
+        ctx.set(dut.backlog, 0)
+        await node_result(ctx, dut, 0, children, 0)
+        assert await asked() == [100], "one visit at a time of a ray that began again"
+        for child in range(1, children):
+            await node_result(ctx, dut, 0, 0, 0)
+            assert await asked() == [100 + child]
+        await node_result(ctx, dut, 0, 0, 0)
+        for _ in range(10):
+            if ctx.get(dut.finished.valid):
+                break
+            await ctx.tick()
+        assert ctx.get(dut.finished.valid)
+        assert ctx.get(dut.finished.payload) == {"context": 0, "failed": 0, "by_leaf": 0}
+
+        ctx.set(dut.release.valid, 1)
+        await ctx.tick()
+        ctx.set(dut.release.valid, 0)
+        await rays_begin(ctx, dut, 1, levels=1)
+        ctx.set(dut.backlog, 0)
+        await node_result(ctx, dut, 0, children, 0)
+        assert await asked() == [100, *range(101, 100 + overlap)]
+
+    simulation.run(testbench)
+
+
 @pytest.mark.parametrize(("starved", "runs_ahead"), [(WINDOW + 1, False), (WINDOW, True), (1, True)])
 def test_no_ray_runs_ahead_while_visits_of_nodes_wait(starved: int, runs_ahead: bool) -> None:
     """But it does where the node test was without a node within WINDOW cycles; it is `starved` cycles before it could.

@@ -259,18 +259,55 @@ def test_a_late_header(data_width: int, accepted: bool) -> None:
     beats = 512 // data_width
     loads = Loads(data_width=data_width, ticks=20, pause=5, stall=0.0 if accepted else 1.0)
     loads.memory.wrong = {BASE: Wrong(beats=beats, last=frozenset({beats - 1}), after=100)}
-    late, *others = loads(*[header(magic=0)] + [header()] * 14, mend=0 if accepted else -1)
+    bases = [BASE + 64 * k for k in range(15)]
+    late, *others = loads(*[header(magic=0)] + [header()] * 14, bases=bases, mend=0 if accepted else -1)
     assert (late["loaded"], late["load_error"]) == (0, LOAD_ERRORS["memory"])
     assert 20 < late["cycles"] <= 42
     errors = [one["load_error"] for one in others]
-    if not accepted:  # the memory never takes the address, which has to stay
+    if not accepted:  # the memory never takes the address, which has to stay: the checker says so where it does not
         assert set(errors) == {LOAD_ERRORS["memory"]}
+        assert {one["tree_base"] for one in others} == {BASE}
         return
     back = errors.index(0)
     assert errors == [LOAD_ERRORS["memory"]] * back + [0] * (len(others) - back)
     assert all(one["loaded"] for one in others[back:])
     assert back > 5
-    assert len(loads.memory.reads) == 1 + len(others) - back
+    assert [one["tree_base"] for one in others] == [BASE] * back + bases[back + 1 :], "the address that was read last"
+    assert loads.memory.reads == [BASE, *bases[back + 1 :]]
+
+
+def beats_of_the_header(loads: Loads) -> list[tuple[int, int]]:
+    """Of the block at BASE: the data of each beat, and its RLAST."""
+    size = loads.reader.m_axi.signature.data_width // 8
+    return [(loads.content(BASE + place, size), int(place + size == 64)) for place in range(0, 64, size)]
+
+
+async def asks(ctx: Any, reader: HeaderReader) -> None:
+    """A load at BASE, whose address is offered then."""
+    ctx.set(reader.base, BASE)
+    ctx.set(reader.load, 1)
+    await ctx.tick()
+    ctx.set(reader.load, 0)
+    assert ctx.get(reader.m_axi.arvalid)
+
+
+async def comes(ctx: Any, axi: Any, data: int, last: int, *, wrong: bool = False, identity: int = 0) -> None:
+    """A cycle with that beat; or with one that is `wrong` in its data, its response and its RLAST."""
+    ctx.set(axi.rvalid, 1)
+    ctx.set(axi.rid, identity)
+    ctx.set(axi.rdata, data ^ (((1 << len(axi.rdata)) - 1) if wrong else 0))
+    ctx.set(axi.rresp, SLVERR if wrong else 0)
+    ctx.set(axi.rlast, last ^ wrong)
+    await ctx.tick()
+    ctx.set(axi.rvalid, 0)
+
+
+async def is_good(ctx: Any, reader: HeaderReader) -> None:
+    """The load ends in the next cycle, and what was read is the header."""
+    await ctx.tick()
+    assert not ctx.get(reader.busy)
+    assert ctx.get(reader.loaded), f"load_error {ctx.get(reader.load_error)}"
+    assert ctx.get(reader.blocks) == GOOD["blocks"]
 
 
 @pytest.mark.parametrize("data_width", [128, 512])
@@ -280,27 +317,57 @@ def test_beats_of_other_ids_are_no_part_of_the_header(data_width: int) -> None:
     reader, axi = loads.reader, loads.reader.m_axi
 
     async def testbench(ctx: Any) -> None:
-        ctx.set(reader.base, BASE)
-        ctx.set(reader.load, 1)
-        await ctx.tick()
-        ctx.set(reader.load, 0)
+        await asks(ctx, reader)
         ctx.set(axi.arready, 1)
         await ctx.tick()
         assert not ctx.get(axi.arvalid)
-        ctx.set(axi.rvalid, 1)
-        size = data_width // 8
-        for place in range(0, 64, size):
-            data = loads.content(BASE + place, size)
-            for own in (False, True):
-                ctx.set(axi.rid, int(not own))
-                ctx.set(axi.rdata, data if own else ~data & ((1 << data_width) - 1))
-                ctx.set(axi.rresp, 0 if own else SLVERR)
-                ctx.set(axi.rlast, own == (place + size == 64))
-                await ctx.tick()
-        ctx.set(axi.rvalid, 0)
-        await ctx.tick().until(~reader.busy)
-        assert ctx.get(reader.loaded), f"load_error {ctx.get(reader.load_error)}"
-        assert ctx.get(reader.blocks) == GOOD["blocks"]
+        for data, last in beats_of_the_header(loads):
+            await comes(ctx, axi, data, last, wrong=True, identity=1)
+            await comes(ctx, axi, data, last)
+        await is_good(ctx, reader)
+
+    loads.simulation.run(testbench)
+
+
+@pytest.mark.parametrize("data_width", [128, 512])
+def test_beats_before_the_address_is_taken_are_no_part_of_the_header(data_width: int) -> None:
+    """Of no read that is under way: before the load, while its address waits, and in the cycle in which it is taken."""
+    loads = Loads(data_width=data_width)
+    reader, axi = loads.reader, loads.reader.m_axi
+    beats = beats_of_the_header(loads)
+
+    async def testbench(ctx: Any) -> None:
+        for data, last in beats:
+            await comes(ctx, axi, data, last, wrong=True)
+        await asks(ctx, reader)
+        for data, last in beats:
+            await comes(ctx, axi, data, last, wrong=True)
+        ctx.set(axi.arready, 1)
+        await comes(ctx, axi, *beats[-1], wrong=True)
+        assert not ctx.get(axi.arvalid)
+        for data, last in beats:
+            await comes(ctx, axi, data, last)
+        await is_good(ctx, reader)
+
+    loads.simulation.run(testbench)
+
+
+@pytest.mark.parametrize("data_width", [128, 512])
+def test_a_header_that_is_whole_at_the_second_tick(data_width: int) -> None:
+    """Its last beat comes in that cycle: it is awaited no more."""
+    loads = Loads(data_width=data_width)
+    reader, axi = loads.reader, loads.reader.m_axi
+
+    async def testbench(ctx: Any) -> None:
+        await asks(ctx, reader)
+        ctx.set(axi.arready, 1)
+        ctx.set(reader.tick, 1)
+        await ctx.tick()
+        for data, last in beats_of_the_header(loads):
+            ctx.set(reader.tick, last)
+            await comes(ctx, axi, data, last)
+        ctx.set(reader.tick, 0)
+        await is_good(ctx, reader)
 
     loads.simulation.run(testbench)
 

@@ -111,4 +111,29 @@ FAULTS = (
         what="beats of other reads are taken for the header's",
         checks=("tests/rtl/test_header_reader.py::test_beats_of_other_ids_are_no_part_of_the_header",),
     ),
+    Mutation(
+        name="header-address-changes",
+        file=HEADER,
+        old="                with m.If(reading | self.base[:OFFSET_BITS].any()):",
+        new="                m.d.sync += self.tree_base.eq(self.base)\n"
+        "                with m.If(reading | self.base[:OFFSET_BITS].any()):",
+        what="a load changes the address of a header that was given up, while that is offered",
+        checks=("tests/rtl/test_header_reader.py::test_a_late_header",),
+    ),
+    Mutation(
+        name="header-before-its-address",
+        file=HEADER,
+        old="beat.eq(reading & ~asks & self.m_axi.rvalid",
+        new="beat.eq(reading & self.m_axi.rvalid",
+        what="beats that come before the address is taken are taken for the header's",
+        checks=("tests/rtl/test_header_reader.py::test_beats_before_the_address_is_taken_are_no_part_of_the_header",),
+    ),
+    Mutation(
+        name="header-given-up-when-whole",
+        file=HEADER,
+        old="m.Elif(self.tick & waited)",
+        new="m.If(self.tick & waited)",
+        what="a header whose last beat comes at the second tick is given up",
+        checks=("tests/rtl/test_header_reader.py::test_a_header_that_is_whole_at_the_second_tick",),
+    ),
 )

@@ -6,6 +6,7 @@ CONTROL, STACKS, DECISION, RAYS, BEST_HITS, POPPED, RUN_AHEAD = (
     f"rtl/traversal/{name}.py"
     for name in ("control", "stacks", "node_decision", "rays", "best_hits", "popped_visits", "run_ahead")
 )
+AGAIN = "tests/rtl/test_control.py::test_one_visit_at_a_time_is_for_the_ray_that_began_again"
 NEAR = ("tests/rtl/test_control.py::test_which_entries_are_near",)
 NEAR_WHEN = ("tests/rtl/test_control.py::test_an_entry_that_was_read_says_nothing_of_what_comes_above_it",)
 
@@ -64,7 +65,7 @@ FAULTS = (
         old="only_if(may_run_ahead, ~rays.strict & ",
         new="only_if(may_run_ahead, ",
         what="a ray that began again has several visits at a time",
-        checks=("control/life-of-a-ray",),
+        checks=("control/life-of-a-ray", AGAIN),
     ),
     Mutation(
         name="taken-beside-a-result",
@@ -176,7 +177,7 @@ FAULTS = (
         old="emptied = now.node_fail | now.node_restart | now.leaf_end",
         new="emptied = now.node_fail | now.leaf_end",
         what="a ray that begins again has its old stack",
-        checks=("control/life-of-a-ray",),
+        checks=("control/life-of-a-ray", AGAIN),
     ),
     Mutation(
         name="done-before-restart",
@@ -184,7 +185,7 @@ FAULTS = (
         old="some_height & ~self.fresh & ~self.restart",
         new="some_height & ~self.fresh",
         what="a ray that has to begin again is finished instead",
-        checks=("control/life-of-a-ray",),
+        checks=("control/life-of-a-ray", AGAIN),
     ),
     Mutation(
         name="leaf-says-why",
@@ -217,6 +218,14 @@ FAULTS = (
         new="self.settled &",
         what="a ray is finished while visits wait on its stack",
         checks=("control/life-of-a-ray", "tests/rtl/test_control.py"),
+    ),
+    Mutation(
+        name="strict-for-ever",
+        file=RAYS,
+        old="(self.strict & ~now.start) |",
+        new="self.strict |",
+        what="a context in which a ray once began again makes one visit at a time from then on",
+        checks=(AGAIN,),
     ),
     Mutation(
         name="alone-not-strict",
