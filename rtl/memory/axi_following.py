@@ -173,8 +173,7 @@ def block_beats(m: Module, port: Any, axi: AxiPort, *, leads: Value, ahead: int)
 def any_beats(m: Module, port: Any, axi: AxiPort, *, bursts: int, ahead: int) -> Rules:
     """Beats of any bursts against their addresses, where these have come: number and strobes, a cycle late or later.
 
-    `bursts` and `ahead`, of beats, are powers of two. A beat is ahead until it is looked at, in the cycle after its
-    address was taken or later; none is taken while `ahead` are, unless one is looked at.
+    `bursts` and `ahead`, of beats whose address did not come before this cycle, are powers of two.
     """
     lanes = axi.data_width // 8
     lane_bits = axi.beat_size
