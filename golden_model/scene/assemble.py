@@ -71,7 +71,8 @@ def assemble(
 def _warn_of_large_neighbours(scene: Scene, where: str) -> None:
     """Says which triangles have light from far above them, because another one that they touch is so large."""
     lift = scene.spans * SPAN
-    lifted = np.flatnonzero((lift > MOST_LIFT * scene.texel_size) & (scene.spans > 2 * longest_edges(scene.corners)))
+    lifted = np.flatnonzero(lift > MOST_LIFT * scene.texel_size)
+    lifted = lifted[scene.spans[lifted] > 2 * longest_edges(scene.corners[lifted])]
     if len(lifted):
         first = scene.object_names[scene.object_id[lifted[0]]]
         warn(

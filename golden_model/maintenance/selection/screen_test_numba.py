@@ -59,7 +59,7 @@ def _common(operands: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
 
 @compiled
 def dot(ax: Any, ay: Any, az: Any, b: Any) -> Any:
-    """As `texel_project.dot_of`, with b (3,)."""
+    """As `texel_project.dot_of`, with b three numbers."""
     return flush(flush(flush(ax * b[0]) + flush(ay * b[1])) + flush(az * b[2]))
 
 
@@ -138,7 +138,7 @@ def look(
         x, y, z = flush(flush(x) - camera.eye[0]), flush(flush(y) - camera.eye[1]), flush(flush(z) - camera.eye[2])
         nx, ny, nz = normal[number]
         nx, ny, nz = flush(nx), flush(ny), flush(nz)
-        above = -flush(flush(flush(nx * x) + flush(ny * y)) + flush(nz * z))
+        above = -dot(nx, ny, nz, (x, y, z))
         away = dot(x, y, z, camera.forward)
         if not (away > camera.near and above > -flush(slack * away)):
             continue

@@ -157,7 +157,9 @@ def takes(port: Port, *cycles: str, **changes: int) -> list[Cycle]:
     for words in cycles:
         cycle = dict(IDLE)
         for word in words.split():
-            channel, identity = re.fullmatch(r"(\D+)(\d?)", word).groups()  # type: ignore[union-attr]
+            found = re.fullmatch(r"(\D+)(\d?)", word)
+            assert found, word
+            channel, identity = found.groups()
             values = {**burst, "valid": 1, "ready": 1, "id": int(identity or 0)}
             cycle |= {f"{channel}{name}": value for name, value in values.items() if f"{channel}{name}" in cycle}
         trace.append(cycle | changes)
@@ -167,7 +169,8 @@ def takes(port: Port, *cycles: str, **changes: int) -> list[Cycle]:
 def named(port: Port, *traces: list[Cycle]) -> list[tuple[str, str]]:
     """The names of the rules that the master and the slave have broken up to each cycle behind a reset."""
     trace = sum(traces, RESET)
-    return [tuple(text.split(":")[0] for text in seen) for seen in watched(port, trace)[len(RESET) :]]  # type: ignore[misc]
+    seen = watched(port, trace)[len(RESET) :]
+    return [(master.split(":")[0], slave.split(":")[0]) for master, slave in seen]
 
 
 LIMITS = {
