@@ -1,12 +1,9 @@
-"""The page docs/traversal_figures.md, made from what `lightloom bench traversal --json` has measured, once or in parts:
+"""The page docs/traversal_figures.md, made from what `lightloom bench traversal --json` has measured, once or in parts.
 
-python -m lightloom.bench.traversal_page build/traversal1.json build/traversal2.json > docs/traversal_figures.md
+`lightloom.pages.results` writes it beside docs/results.md, of the reports of this command.
 """
 
-import json
-import sys
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 from lightloom.shared.provenance import commands_at
@@ -87,6 +84,19 @@ TABLES: list[tuple[str, str, dict[str, Cell]]] = [
 ]
 """Rows, title and columns of each table."""
 
+KEYS = {
+    "speed": ("scene", "width", "contexts", "latency"),
+    "units": ("scene", "order", "units"),
+    "identity": ("scene", "width", "condition"),
+    "boxes": ("family",),
+}
+"""Of each kind of row what says which measurement it is."""
+
+
+def last_of(rows: Sequence[dict[str, Any]], keys: Sequence[str]) -> list[dict[str, Any]]:
+    """The rows, of each measurement the last one, in the order of the first ones."""
+    return list({tuple(row[key] for key in keys): row for row in rows}.values())
+
 
 def tables(measured: dict[str, Any]) -> Iterator[tuple[str, list[str], list[list[object]]]]:
     """Title, columns and cells of every table of `traversal.measure` that has rows."""
@@ -102,7 +112,7 @@ Made by these commands, in the project's folder, at the commits above them:
 
 {commands}
 
-The page is what `.venv/bin/python -m lightloom.bench.traversal_page {files}` prints.
+What they print with `--json` is in [results/](results).
 
 The Verilated [traversal unit](traversal_unit.md), preset `base` but for what a table or the command names, with
 [the memory of the simulations](axi_memory.md) behind it (512 bits, a beat a cycle). Every run is compared with the
@@ -119,18 +129,13 @@ kHz, simulated cycles a millisecond of processor time.
 
 
 def page(reports: Sequence[dict[str, Any]]) -> str:
-    """The page; `reports` are the JSON of the commands. The figures of the box test are those of the first one."""
-    files = [f"build/traversal{number}.json" for number in range(1, len(reports) + 1)]
+    """The page; `reports` are the JSON of the commands. What several of them have measured is the last one's."""
     measured = [report["traversal"] for report in reports]
-    commands = [
-        (f"{report['traversal']['command']} > {file}", report.get("versions", {}))
-        for report, file in zip(reports, files, strict=True)
-    ]
-    together = {name: [row for part in measured for row in part[name]] for name in ("speed", "units", "identity")}
-    together["boxes"] = measured[0]["boxes"]
+    commands = [(report["traversal"]["command"], report.get("versions", {})) for report in reports]
+    together = {name: last_of([row for part in measured for row in part[name]], keys) for name, keys in KEYS.items()}
     processors = dict.fromkeys(report["machine"]["processor"] for report in reports)
     parts = [
-        PREAMBLE.format(commands=commands_at(commands), files=" ".join(files)),
+        PREAMBLE.format(commands=commands_at(commands)),
         f"Simulated on {', '.join(processors)}.",
     ]
     for title, columns, rows in tables(together):
@@ -142,7 +147,3 @@ def page(reports: Sequence[dict[str, Any]]) -> str:
 
 def _cell(value: object) -> str:
     return f"{value:,}" if isinstance(value, int) else str(value)
-
-
-if __name__ == "__main__":
-    sys.stdout.write(page([json.loads(Path(name).read_text(encoding="utf-8")) for name in sys.argv[1:]]))

@@ -1,7 +1,7 @@
 """Measures everything that docs/results.md shows, in parts, into build/results:
 
 python -m lightloom.pages.measure --pdk-root DIR [PART…]
-python -m lightloom.pages.results build/results/*.json > docs/results.md
+python -m lightloom.pages.results build/results/*.json
 
 A part is one command. What the commands make is kept, so that a second run does only what is new; a part that fails is
 said, and the others go on.
@@ -41,6 +41,7 @@ def parts(root: Path) -> dict[str, list[str]]:
         "mutations": ["prove", "--mutations"],
         "coverage": ["coverage"],
         "cycles": ["bench", "traversal", *SCENES, "--rays", "16000", "--latency", "0,100,200,400"],
+        "units": ["bench", "traversal", "--rays", "16000", "--latency", "100", "--units", "1,4"],
     }
     named |= {f"synth-{name}": ["synth", *units, *options] for name, options in libraries.items()}
     named |= {"synth-check": ["synth", *units, *libraries["ihp-slow-base"], "--check"]}

@@ -1,6 +1,7 @@
-"""The page docs/results.md, made from what the commands have measured (`lightloom.pages.measure` runs them all):
+"""The pages docs/results.md and docs/traversal_figures.md, and the reports that they are made of, docs/results/*.json.
 
-python -m lightloom.pages.results build/results/*.json > docs/results.md
+`python -m lightloom.pages.results build/results/*.json` takes these reports in, each in place of the one of its name,
+and makes the pages of all. `lightloom.pages.measure` runs the commands that print them.
 """
 
 import json
@@ -11,10 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lightloom.bench import traversal_page
+from lightloom.bench.traversal_page import KEYS, last_of
 from lightloom.gen.pages.coverage_page import percent, totals
 from lightloom.golden_model.contract.interfaces import PURE
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
+from lightloom.shared.console import json_text
 from lightloom.shared.provenance import commands_at
 
 Row = dict[str, Any]
@@ -51,11 +55,15 @@ CYCLES |= {
 }
 CYCLES |= {"ratio": "ratio", "mismatches": "mismatches"}
 
+DOCS = Path(__file__).parents[2] / "docs"
+PARTS = "results"
+"""The folder of the reports, in that of the page."""
+
 PREAMBLE = """\
 # Results
 
-Generated: every table is what the commands above it have printed with `--json`, at the commit above each command; of a
-unit that two of them measured, the later one's row is shown. How the figures come about is in
+Generated: every table is what the commands above it have printed with `--json` ([results/](results)), at the commit
+above each command; of a unit that two of them measured, the later one's row is shown. How the figures come about is in
 [synthesis.md](synthesis.md). All timing is after mapping and before layout: wires have no length, the clock is ideal.
 """
 
@@ -235,7 +243,7 @@ def cycles(reports: Sequence[Report]) -> Iterator[str]:
     yield "## Cycles a ray\n"
     yield _made_by(reports)
     yield RAYS_TEXT
-    yield _rows([row for report in reports for row in report["rows"]], CYCLES) + "\n"
+    yield _rows(last_of([row for report in reports for row in report["rows"]], KEYS["speed"]), CYCLES) + "\n"
     yield RAYS_OF_OTHERS.format(published=table(["published", "rays a cycle", "with"], PUBLISHED_RAYS))
 
 
@@ -386,5 +394,21 @@ def bars(rows: Sequence[Row]) -> Iterator[str]:
         )
 
 
+def pages_of(docs: Path) -> dict[str, str]:
+    """Names and texts of the pages of the reports that are kept in a folder of documents."""
+    reports = [json.loads(part.read_text(encoding="utf-8")) for part in sorted((docs / PARTS).glob("*.json"))]
+    traced = [report for report in reports if "traversal" in report]
+    return {"results.md": page(reports), "traversal_figures.md": traversal_page.page(traced)}
+
+
+def write(reports: Iterable[Path], docs: Path = DOCS) -> None:
+    """Takes files of reports in, each instead of the one of its name, and writes the pages of all that are kept."""
+    for report in reports:
+        kept = json_text(json.loads(report.read_text(encoding="utf-8")))
+        (docs / PARTS / report.name).write_text(kept, encoding="utf-8")
+    for name, text in pages_of(docs).items():
+        (docs / name).write_text(text, encoding="utf-8")
+
+
 if __name__ == "__main__":
-    sys.stdout.write(page([json.loads(Path(name).read_text(encoding="utf-8")) for name in sys.argv[1:]]))
+    write(map(Path, sys.argv[1:]))
