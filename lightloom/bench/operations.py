@@ -12,7 +12,7 @@ import numpy as np
 
 from lightloom.bench.counting import Operation, Tally, counted, counting, paused
 from lightloom.golden_model.charts.unwrap import unwrap
-from lightloom.golden_model.contract.formats import COUNT_MAX, ONE_SAMPLE, TEXEL_STATE
+from lightloom.golden_model.contract.formats import CHANGE_LEVELS, COUNT_MAX, INFLUENCE, ONE_SAMPLE, TEXEL_STATE
 from lightloom.golden_model.frame.rasterizer import rasterize
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.maintenance.drift import departures
@@ -21,10 +21,14 @@ from lightloom.golden_model.maintenance.publishing.mipmaps import renew_levels
 from lightloom.golden_model.maintenance.publishing.publisher import Publisher, publish
 from lightloom.golden_model.maintenance.publishing.smoothing import STEPS, Smoother
 from lightloom.golden_model.maintenance.sampling.accumulate import fraction_bits
+from lightloom.golden_model.maintenance.sampling.confidence import lower
 from lightloom.golden_model.maintenance.sampling.gather import World, gather
 from lightloom.golden_model.maintenance.sampling.running_average import blend_texels
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.sampling.texel_rays import Update
+from lightloom.golden_model.maintenance.selection.influence.changes import table_of
+from lightloom.golden_model.maintenance.selection.influence.reach import loose_bounds, texel_changes
+from lightloom.golden_model.maintenance.selection.influence.volumes import SHADOW, VOLUME
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.maintenance.selection.screen_test import pixels_of, screen_test, to_match, to_project
 from lightloom.golden_model.maintenance.selection.selector import FrameContext, Selector
@@ -86,7 +90,7 @@ def room() -> Room:
     maps = unwrap(scene, TEXEL)
     rng, count = np.random.default_rng(SEED), len(maps.texels)
     state = np.zeros(count, dtype=TEXEL_STATE)
-    state["count"] = np.minimum(ONE_SAMPLE * 2.0 ** rng.uniform(0, 8, count), COUNT_MAX)
+    state["count"] = rng.integers(ONE_SAMPLE << 7, COUNT_MAX, count) >> rng.integers(0, 8, count)
     state["spread"], state["deviation"] = rng.integers(1, 600, count), rng.integers(1, 300, count)
     state["bias"] = rng.integers(-200, 200, count)
     state["noticed"] = rng.random(count) < 0.01
@@ -142,7 +146,26 @@ def _selection(room: Room) -> list[Step]:
         _step("to the screen", "selection/texel_project", "texel and view", project, int(seen.sum())),
         _step("the four pixels", "selection/texel_match", "texel on the screen and view", match, len(place)),
         _step("windows, tracking, class", "selection/selector.Selector.plan", "texel", whole - sight, count),
+        *_influence(room, valid),
     ]
+
+
+def _influence(room: Room, valid: np.ndarray) -> list[Step]:
+    """Of records that reach all of the room."""
+    maps, count, steps = replace(room.maps, texels=counted(room.maps.texels)), int(valid.sum()), []
+    boxes = loose_bounds(table_of(room.scene), room.scene, Policy())
+    for name, kind in (("a volume's reach", VOLUME), ("a shadow's reach", SHADOW)):
+        record = np.zeros(1, dtype=INFLUENCE)
+        record["kind"], record["facing"], record["level"], record["surface"] = kind, kind == VOLUME, CHANGE_LEVELS, -1
+        record["low"], record["high"], record["light"], record["light_half"] = 200, 300, 250, 10
+        record["reach_low"] = record["reach_high"] = 1000
+        with counting() as tally:
+            _called(texel_changes)(counted(record), boxes, maps, valid)
+        steps.append(_step(name, "selection/influence/reach.texel_changes", "texel and record", tally, count))
+    state = counted(room.state.copy())
+    with counting() as tally:
+        lower(state, np.where(valid, 6, 0).astype(np.uint8))
+    return [*steps, _step("worth less", "sampling/confidence.lower", "texel reached", tally, count)]
 
 
 def _called(function: Any) -> Any:

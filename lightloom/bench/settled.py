@@ -3,6 +3,7 @@
 No texel is sampled: what selection chooses counts as updated and known a little better. So a frame takes seconds.
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -25,6 +26,8 @@ from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.bvh.structure import Structure
 
 SEED = 6
+OTHERS = (1, 16)
+"""Texels of a region that may follow each other, beside the default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,9 +99,12 @@ def measure(case: Case, backend: str = "auto") -> Frame:
     )
 
 
-def report(case: Case) -> dict[str, Any]:
-    """A case and what was measured, ready for JSON."""
-    return {"case": asdict(case), "frame": asdict(measure(case))}
+def report(case: Case, others: Sequence[int] = OTHERS) -> dict[str, Any]:
+    """A case and what was measured, ready for JSON; and regions an update with so many texels `together`."""
+    frames = {together: measure(replace(case, together=together)) for together in (case.together, *others)}
+    first = frames.pop(case.together)
+    shares = {str(together): round(frame.rewritten / frame.updates, 3) for together, frame in frames.items()}
+    return {"case": asdict(case), "frame": asdict(first), "regions an update": shares}
 
 
 def _seen(

@@ -24,6 +24,7 @@ from lightloom.pages.results import table
 
 DOCS = Path(__file__).parents[2] / "docs"
 WIDTH = 120
+NO_BREAK = "\0"
 COMMAND = "python -m lightloom.pages.arithmetic"
 NOT_IN_RESULTS = {"fixed64_to_float": 2874, "float_to_fixed_down": 1464}
 """By `lightloom synth fixed64_to_float float_to_fixed_down --preset base`."""
@@ -71,8 +72,8 @@ FRAME = """\
 A settled frame of `{scene}` with {width} by {height} pixels and texels of {texel:g} (`{command} measure`: the
 selection of {frames} frames without their rays, means of the last {measured}): {valid:,} valid texels of {texels:,}
 in {regions:,} regions; {updates:,} updates, {together} of a region together, rewrite {rewritten:,} regions
-({share:.2f} an update) and {coarser:,} texels above them. All texels are known, nothing is filled and no influence is
-felt.
+({share:.2f} an update; {others}) and {coarser:,} texels above them. All texels are known, nothing is filled and no
+influence is felt.
 """
 VERDICT = """\
 **Publishing with smoothing is {ratio:.2f} times the rays**, and as much as them at {even:.2f} regions an update.
@@ -98,8 +99,9 @@ all sampled, has three sums of 44 bits and a count.
 
 def _said(text: str, **values: Any) -> str:
     """Paragraphs with their values, in lines of the house's width."""
-    parts = text.format(**values).split("\n\n")
-    return "\n\n".join(fill(part, WIDTH, break_on_hyphens=False, break_long_words=False) for part in parts) + "\n"
+    whole = re.sub("`[^`]*`", lambda code: code[0].replace(" ", NO_BREAK), text.format(**values))
+    parts = [fill(part, WIDTH, break_on_hyphens=False, break_long_words=False) for part in whole.split("\n\n")]
+    return "\n\n".join(parts).replace(NO_BREAK, " ") + "\n"
 
 
 def _width(dtype: Any, *names: str) -> int:
@@ -145,6 +147,8 @@ def times_of(frame: Frame, rays: float) -> dict[str, float]:
         "region": frame.rewritten,
         "texel of a coarser level": 21 * frame.rewritten + frame.coarser,
         "texel of a map not all sampled": 0,
+        "texel and record": 0,
+        "texel reached": 0,
     }
 
 
@@ -154,7 +158,8 @@ def page() -> str:
     units = base_gates((DOCS / "results.md").read_text(encoding="utf-8"))
     found, frame, case = work(), Frame(**measured["frame"]), Case(**measured["case"])
     parts = [HEAD.format(command=COMMAND), _said(PREAMBLE, rates=_rates()), *_each(found, units)]
-    parts += [*_frame(found, units, frame, case), *_bytes(found.rays, frame), "## State\n", _state()]
+    others = ", ".join(f"{share:.2f} with {count} together" for count, share in measured["regions an update"].items())
+    parts += [*_frame(found, units, frame, case, others), *_bytes(found.rays, frame), "## State\n", _state()]
     return "\n".join(parts)
 
 
@@ -190,11 +195,11 @@ def _short(value: float) -> str:
     return "" if not value else f"{value:,.0f}" if value >= 99.5 else f"{value:.3g}"
 
 
-def _frame(found: Work, units: Mapping[str, float], frame: Frame, case: Case) -> Iterator[str]:
+def _frame(found: Work, units: Mapping[str, float], frame: Frame, case: Case, others: str) -> Iterator[str]:
     """What a frame comes to."""
     yield "## Of a frame\n"
     share = frame.rewritten / frame.updates
-    yield _said(FRAME, command=COMMAND, share=share, **{**asdict(case), **asdict(frame)})
+    yield _said(FRAME, command=COMMAND, share=share, others=others, **{**asdict(case), **asdict(frame)})
     times, rows, sums = times_of(frame, found.rays), [], dict.fromkeys(found.stages, 0.0)
     for stage, steps in found.stages.items():
         for step in steps:

@@ -71,7 +71,8 @@ PASSES: list[tuple[str, str, list[Step]]] = [
     ),
     (
         "Classes",
-        "What was seen, the state and the published texels of level 0 go in; a class of four bits comes out.",
+        "What was seen, the state and the published texels of level 0 go in; a class of four bits comes out. All "
+        "windows together reach REACH texels, and over no chart's border.",
         [
             (
                 "maintenance.selection.variability.Variability.look",
@@ -188,7 +189,7 @@ PASSES: list[tuple[str, str, list[Step]]] = [
             ),
             (
                 "scene.lightmap.bilinear",
-                "What a hit reads of the published map, of version k for updates of frame k.",
+                "What a hit reads of the newest version of the published maps.",
                 "places to nearest 1/256; the sum exact, then once to float32",
             ),
             ("rays.surface_shading.reflected", "(albedo E) (1 / pi).", "float32"),
@@ -200,7 +201,7 @@ PASSES: list[tuple[str, str, list[Step]]] = [
             ),
             (
                 "maintenance.sampling.accumulate.accumulate",
-                "Contributions times pi / directions to fixed point, 32 bits, and their sum.",
+                "Contributions, those of paths times pi / directions, to fixed point, 32 bits, and their sum.",
                 "to nearest, saturating, NaN 0; the sum exact",
             ),
             (
@@ -224,7 +225,8 @@ PASSES: list[tuple[str, str, list[Step]]] = [
         "Publishing",
         "Of regions that show a texel that was updated or became stale; of maps with texels that have no sample, "
         "also all "
-        "regions that show one. What a region reads of others is their state after all updates of the frame.",
+        "regions that show one. What a region reads of others is their state after all updates of the frame. Without "
+        "`Pipeline.smoothing` that step falls away.",
         [
             (
                 "maintenance.publishing.filling.in_half",
@@ -261,7 +263,8 @@ PASSES: list[tuple[str, str, list[Step]]] = [
             ),
             (
                 "maintenance.publishing.flip_chain.FlipChain.commit",
-                "The version is complete; frame k reads version k, and its updates write version k + versions - 1.",
+                "The version is complete. Updates of frame k read the newest one and make the next, which frame "
+                "k + versions - 1 shows.",
                 "exact",
             ),
         ],
