@@ -72,6 +72,7 @@ bench: setup ## measure: vectors a second, rays a second, emission time
 results: setup ## measure what docs/results.md shows, with the PDKs below PDK_ROOT (hours; goes on where it was)
 	$(BIN)/python -m lightloom.pages.measure --pdk-root $(PDK_ROOT)
 	$(BIN)/python -m lightloom.pages.results build/results/*.json
+	$(BIN)/python -m lightloom.pages.arithmetic > docs/arithmetic.md
 
 emit: $(READY) ## Verilog and manifests of every unit into build/verilog/
 	$(BIN)/lightloom emit --out build/verilog

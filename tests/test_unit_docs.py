@@ -7,7 +7,7 @@ import pytest
 
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.interfaces import PURE
-from lightloom.pages import registers
+from lightloom.pages import frozen, registers
 from lightloom.pages.units import page
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
@@ -26,6 +26,12 @@ def test_the_page_of_units_is_up_to_date() -> None:
 def test_the_page_of_registers_is_up_to_date() -> None:
     assert (DOCS / "registers.md").read_text(encoding="utf-8") == registers.page(), (
         "python -m lightloom.pages.registers > docs/registers.md"
+    )
+
+
+def test_the_page_of_what_is_frozen_is_up_to_date() -> None:
+    assert (DOCS / "frozen.md").read_text(encoding="utf-8") == frozen.page(), (
+        "python -m lightloom.pages.frozen > docs/frozen.md"
     )
 
 

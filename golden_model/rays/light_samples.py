@@ -211,7 +211,7 @@ def met_beyond(
             radiance = scale(radiance, _left(lights, SKY, toward, normal, rivals))
     if lights.sun is not None:
         disc = np.flatnonzero(lights.sun.seen(direction))
-        toward = scale(direction[disc], np.float32(1) / dot(lights.sun.towards, direction[disc]))
+        toward = scale(direction[disc], flush(np.float32(1) / dot(lights.sun.towards, direction[disc])))
         left = _left(lights, SUN, toward, normal[disc], rivals[disc])
         radiance[disc] = add(radiance[disc], scale(lights.sun.radiance[None], left))
     return radiance

@@ -12,7 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightloom.golden_model.numerics.floats import float_to_half, flush, half_to_float, quiet
+from lightloom.golden_model.numerics.floats import (
+    fixed_to_float,
+    float_to_fixed_down,
+    float_to_half,
+    flush,
+    half_to_float,
+    quiet,
+)
 from lightloom.golden_model.scene.filters import LEVEL_BITS, corner, corners_of, read, read_between, weighted
 from lightloom.golden_model.scene.scene import Scene
 
@@ -104,7 +111,9 @@ def texel_coordinates(scene: Scene, primitive: np.ndarray) -> np.ndarray:
 def _wrapped(textures: Textures, index: np.ndarray, place: np.ndarray) -> np.ndarray:
     """Places (N, 2) in texels of the finest levels of textures (N,) to what is left of whole pictures, 0 to 1."""
     pictures = flush(place * textures.inverse[index])
-    return flush(pictures - np.floor(pictures))
+    part = flush(pictures - fixed_to_float(float_to_fixed_down(pictures)))
+    # Beyond 2**31 pictures every place is a whole number, or infinite.
+    return np.where((part < 0) | (part > 1), flush(pictures - pictures), part)
 
 
 @quiet

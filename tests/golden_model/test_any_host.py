@@ -13,12 +13,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.frame.frame_rays import FrameShading
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.numerics import floats
 from lightloom.golden_model.renderer import FrameResult, Pipeline, Renderer
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.stimuli.layouts.catalogue import write_layout
+from lightloom.golden_model.tracing.bvh.structure import Structure
+from tests import ROOT
 from tests.golden_model.test_frame_loop import room
 
 SEED = 8
@@ -38,10 +41,15 @@ FOLDERS = ("frame", "maintenance", "numerics", "rays", "scene", "tracing")
 
 
 def renderer_of(folder: Path, name: str, direct: Any) -> Renderer:
-    """Of a room with mirrors and glass, or of a layout of the suite; small."""
-    scene = room(folder, SEED, specular=True) if name == "room" else load_scene(str(write_layout(name, 0, folder)))
+    """Of a room with mirrors and glass, of a film with textures, or of a layout of the suite; small."""
+    path = ROOT / "scenes" / f"{name}.toml"
+    if name == "room":
+        scene = room(folder, SEED, specular=True)
+    else:
+        scene = load_scene(str(path if path.exists() else write_layout(name, 0, folder)))
     return Renderer(
         scene,
+        lightmaps=unwrap(scene, 0.4, trace=Structure(scene).trace) if scene.textures else None,
         width=36,
         height=24,
         budget=1500,
@@ -75,7 +83,7 @@ def everywhere(monkeypatch: pytest.MonkeyPatch, name: str, function: Callable[..
         monkeypatch.setattr(module, name, function)
 
 
-SCENES = [("room", "rays"), ("many-movers", "maps")]
+SCENES = [("room", "rays"), ("many-movers", "maps"), ("light-switch", "maps")]
 
 
 @pytest.mark.parametrize(("scene", "direct"), SCENES)

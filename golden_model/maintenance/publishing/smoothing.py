@@ -16,7 +16,7 @@ else of those two away, by how well each is known; what it showed before counts 
 of light is shown where one texel in nine has found it, and nothing turns black that knew something.
 
 Everything is whole numbers, for hardware: noise and differences are logarithms in half octaves, a weight is read from a
-table of eight entries, and the sums are exact and rounded to binary16 once a pass.
+table of seven entries, and the sums are exact; a pass rounds each to float32 and then to binary16.
 """
 
 from dataclasses import dataclass
@@ -27,6 +27,7 @@ from lightloom.golden_model.contract.formats import COUNT_BITS, ONE_SAMPLE
 from lightloom.golden_model.maintenance.sampling.confidence import STALE
 from lightloom.golden_model.numerics.floats import fixed64_to_float, float_divide, float_to_half, half_to_float
 from lightloom.golden_model.numerics.logarithm import half_octaves
+from lightloom.golden_model.numerics.vectors import dot
 from lightloom.golden_model.scene.filters import VALUE_BITS, in_fixed
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, joined, steps_of
 
@@ -84,7 +85,7 @@ class Smoother:
                     end = along(end, *step)
                 ends.append(end)
             other = np.where(ends[0] >= 0, ends[0], ends[-1])
-            alike = (normal * normal[np.maximum(other, 0)]).sum(axis=1) > ALIKE
+            alike = dot(normal, normal[np.maximum(other, 0)]) > ALIKE
             return np.where((other >= 0) & alike, other, number)
 
         one = np.stack([beside(dy, dx) for dy, dx in _NEIGHBOURS], axis=1)

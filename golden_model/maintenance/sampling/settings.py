@@ -19,7 +19,7 @@ class Sampling:
     """What one texel update is made of."""
 
     directions: int = number(16, 1, COUNT, "Rays for indirect light, a power of two.")
-    light_samples: int = number(4, 1, None, "Shadow rays at most.")
+    light_samples: int = number(4, 1, COUNT, "Shadow rays at most.")
     balanced: bool = flag(
         True,
         "Rays for indirect light count the area lights that they meet, shadow rays leave them their share (see "

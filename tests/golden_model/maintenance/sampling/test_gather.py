@@ -6,10 +6,15 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.contract.formats import SAMPLE_SUMS, field_width
+from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.host.parameters import parameters
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.maintenance.sampling.gather import Gathered, World, gather
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.sampling.texel_rays import Update
+from lightloom.golden_model.numerics.directions import COUNT
+from lightloom.golden_model.numerics.sample_spread import LUMINANCE_BITS
 from lightloom.golden_model.rays.collector import collector_of
 from lightloom.golden_model.rays.surface_shading import Surfaces
 from lightloom.golden_model.rays.waves import run_together
@@ -68,3 +73,17 @@ def test_rays_that_a_texel_may_have_are_counted(world: World, direct: str) -> No
     sampling = Sampling(directions=8, light_samples=4, direct=direct)  # type: ignore[arg-type]
     sums = sampled(world, sampling).sums
     assert (sums["rays"] == (8, 4 if direct == "maps" else 8)).all()
+
+
+def test_no_update_has_more_rays_than_its_sums_hold() -> None:
+    """In either mode: shadow rays of its own, or one of each path."""
+    ranges = [parameters(Sampling)[name].range for name in ("directions", "light_samples")]
+    most = sum(int(high or 0) for _, high in (each for each in ranges if each))
+    assert most == 2 * COUNT
+    total, sums, squares, rays = (field_width(SAMPLE_SUMS[name].base) for name in SAMPLE_SUMS.names or ())
+    assert most * ((1 << 31) - 1) < 1 << total - 1
+    assert most * ((1 << LUMINANCE_BITS) - 1) < 1 << sums
+    assert most * ((1 << LUMINANCE_BITS) - 1) ** 2 < 1 << squares
+    assert most < 1 << rays
+    with pytest.raises(InputError, match=f"light_samples {COUNT + 1}: must be 1 to {COUNT}"):
+        Sampling(light_samples=COUNT + 1)
