@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import TEXEL_STATE
+from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL_STATE
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.maintenance.drift import departures
 from lightloom.golden_model.maintenance.sampling.confidence import limit, lower
@@ -23,6 +23,9 @@ from lightloom.golden_model.rays.waves import Waves
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.scene.sides import firsts_first, sides_of
+
+PRIMED = ONE_SAMPLE
+"""What all earlier sweeps before the first frame count for: the last one's samples weigh a half."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,15 +96,17 @@ class Maintainer:
         """One round before the first frame: the texels from place `first` of the order on, as many as a frame pays for.
 
         First comes one of each side, because no other shows what it finds (`filling`), then the others; of those that
-        are there in `world`. After the last comes the first again, so `first` may be any number. They are sampled anew:
-        what earlier rounds found of them is dropped. Rounds from place 0 on all take the same rays, so that their light
-        can be compared.
+        are there in `world`. After the last comes the first again, so `first` may be any number.
+
+        The first time round they are sampled anew: what earlier rounds found of them is dropped. Rounds from place 0 on
+        all take the same rays, so that their light can be compared. From then on they are averaged, and all that
+        came before is worth `PRIMED`: it misses bounces of light that have come since.
         """
         if first == 0:
             self.state["number"] = 0
         order = firsts_first(self._side, self.present(world))
         waiting = np.roll(order, -(first % max(len(order), 1)))[: budget // self.sampling.directions]
-        forget = partial(drop, self.state)
+        forget = partial(drop, self.state, but=0 if first < len(order) else PRIMED)
         spent = yield from self._spend(world, waiting, budget, 0, collector, clock, forget)
         return Primed(texels=waiting[: spent.updated], rays=spent.rays.total(), clipped=spent.clipped)
 

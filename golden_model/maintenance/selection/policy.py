@@ -108,7 +108,7 @@ class Policy:
         "A change that is believed has level 2 to so many texels around, and level 1 to as many again; else level 1.",
     )
     notice_votes: int = number(
-        2, 1, 9, "A change is believed where so many of 3 x 3 texels noticed one: a single one may be noise."
+        4, 1, 9, "A change is believed where so many of 3 x 3 texels noticed one: a single one may be noise."
     )
     influence: str = choice("volumes", INFLUENCES, "How changes reach the maps.")
     influence_least: float = number(

@@ -3,8 +3,10 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from lightloom.golden_model.contract.formats import ONE_SAMPLE
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.maintenance.maintainer import Maintainer
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
@@ -71,3 +73,31 @@ def test_rounds_from_the_first_texel_take_the_same_rays(tmp_path: Path) -> None:
     assert again
     light = [dict(zip(texels, map(tuple, values), strict=True)) for texels, values in found]
     assert any(light[0][texel] != light[2][texel] for texel in again), "later rounds sample anew"
+
+
+def test_sweeps_before_the_first_frame_are_averaged(tmp_path: Path) -> None:
+    """The first time round all samples are taken as they are; after that each is averaged with what was there."""
+    scene = room(tmp_path, 5, specular=False)
+    renderer = Renderer(scene, budget=600, sampling=Sampling(directions=4, light_samples=2, priming=0), **SIZE)
+    maintainer, world = renderer.maintainer, renderer._world(renderer.scene, renderer.published)
+    texels = len(maintainer.present(world))
+
+    def sampled(first: int, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The texels of a round, and what they are after it."""
+        renderer.state[:] = before
+        collector = renderer._collector(renderer.scene)
+        (done,) = run_together(collector, Stopwatch(), maintainer.prime(world, first, 600, collector, Stopwatch()))
+        return done.texels, renderer.state[done.texels]
+
+    nothing = renderer.state.copy()
+    found, _ = sampled(0, nothing)
+    before = renderer.state.copy()
+    unknown = before.copy()
+    unknown["count"] = 0
+    again, samples = sampled(texels, unknown)
+    both, averages = sampled(texels, before)
+    assert found.tolist() == again.tolist() == both.tolist()
+    old = before["irradiance"][both]
+    assert (averages["irradiance"] == old + np.float32(0.5) * (samples["irradiance"] - old)).all()
+    assert (averages["count"] == 2 * ONE_SAMPLE).all()
+    assert (samples["count"] == ONE_SAMPLE).all()
