@@ -5,10 +5,10 @@ python -m lightloom.pages.arithmetic > docs/arithmetic.md               # a seco
 """
 
 import json
+import re
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict
-from pathlib import Path
 from textwrap import fill
 from typing import Any
 
