@@ -43,8 +43,9 @@ def screen_test(
 ) -> Sight:
     """The tests by the G-buffer: surface points (N, 3) and unit normals (N, 3), GBUFFER (H, W).
 
-    Of the texels `valid` (N,) bool are looked at, or all; the others are UNSEEN. `texel_size` is the side of a texel in the scene's unit. LIKELY is what is in doubt, which is everything on the
-    screen where the policy has neither of the two tests.
+    Of the texels `valid` (N,) bool are looked at, or all; the others are UNSEEN. `texel_size` is the side of a texel in
+    the scene's unit. LIKELY is what is in doubt, which is everything on the screen where the policy has neither of the
+    two tests.
     """
     degree, lod = unseen(len(position))
     chosen = np.arange(len(position)) if valid is None else np.flatnonzero(valid)

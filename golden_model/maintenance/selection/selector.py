@@ -126,7 +126,9 @@ class Plan:
 class Selector:
     """The selection of one scene's lightmaps over a sequence of frames."""
 
-    def __init__(self, lightmaps: Lightmaps, scene: Scene, policy: Policy | None = None, test: ScreenTest = screen_test):
+    def __init__(
+        self, lightmaps: Lightmaps, scene: Scene, policy: Policy | None = None, test: ScreenTest = screen_test
+    ):
         """Lightmaps and scene at rest."""
         self.policy = policy or Policy()
         self.order = coarse_to_fine(lightmaps, self.policy.together)
@@ -180,7 +182,7 @@ class Selector:
             bins=bins,
             influence=influence,
             expected=expected if policy.lower else np.zeros_like(expected),
-            most=most_worth(context.state, self._windows) if policy.track else np.full(len(valid), COUNT_MAX, np.uint16),
+            most=most_worth(context.state, self._windows) if policy.track else np.full_like(need, COUNT_MAX, np.uint16),
             change=change,
             heavy=urgent & (policy.heavy_updates > 0),
             # Heavy updates of which none has come yet: the change is known and the value is from before it.
