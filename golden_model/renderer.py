@@ -22,9 +22,10 @@ from lightloom.golden_model.host.parameters import check, choice, number
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.machine.budget_controller import BudgetController, BudgetPolicy, measure
 from lightloom.golden_model.machine.cost_model import FrameCounts, Machine, RayCounts
+from lightloom.golden_model.maintenance.kernels import Kernels
 from lightloom.golden_model.maintenance.maintainer import Maintainer, Maintenance
 from lightloom.golden_model.maintenance.publishing.flip_chain import LONGEST, FlipChain
-from lightloom.golden_model.maintenance.publishing.publisher import Publisher, smoother_of
+from lightloom.golden_model.maintenance.publishing.publisher import Publisher
 from lightloom.golden_model.maintenance.sampling.accumulate import (
     at_rest,
     brightness_of,
@@ -186,8 +187,9 @@ class Renderer:
         self.fine = None if scene.coarse is None else fine_triangles(scene)
         self.textures = build_textures(scene.textures)
         self.fraction = fraction_bits(scene, self.sampling.balanced)
-        self.maintainer = Maintainer(lightmaps, scene, self.sampling, self.policy, seed, backend)
-        self.publisher = Publisher(lightmaps, smoother_of(lightmaps, backend) if self.pipeline.smoothing else None)
+        kernels = Kernels(backend, threads)
+        self.maintainer = Maintainer(lightmaps, scene, self.sampling, self.policy, seed, kernels)
+        self.publisher = Publisher(lightmaps, kernels.smoother(lightmaps) if self.pipeline.smoothing else None)
         self.next_frame = 0
         """Number of the frame that `frame` renders next."""
         self.priming_rays = 0

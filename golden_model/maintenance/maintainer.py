@@ -10,6 +10,7 @@ import numpy as np
 from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL_STATE
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.maintenance.drift import departures
+from lightloom.golden_model.maintenance.kernels import Kernels
 from lightloom.golden_model.maintenance.sampling.confidence import limit, lower
 from lightloom.golden_model.maintenance.sampling.gather import Gathered, World, gather
 from lightloom.golden_model.maintenance.sampling.running_average import blend_texels, drop, mark_heavy
@@ -79,13 +80,13 @@ class Maintainer:
         sampling: Sampling,
         policy: Policy,
         seed: int,
-        backend: str = "numpy",
+        kernels: Kernels | None = None,
     ):
-        """Lightmaps and scene at rest; `backend` as for `trace`."""
+        """Lightmaps and scene at rest; without `kernels` NumPy's."""
         self.sampling, self.policy, self.seed = sampling, policy, seed
         self.state = np.zeros(len(lightmaps.texels), dtype=TEXEL_STATE)
         """TEXEL_STATE (N,)."""
-        self.selector = Selector(lightmaps, scene, policy, backend)
+        self.selector = Selector(lightmaps, scene, policy, (kernels or Kernels()).screen_test)
         self._owner = lightmaps.texels["object"]
         self._maps = len(lightmaps.width)
         self._side = sides_of(lightmaps)

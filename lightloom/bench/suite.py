@@ -72,9 +72,21 @@ def frames(sizes: Sizes) -> Iterator[Row]:
 
     for scene, backends in measure().items():
         for backend, stages in backends.items():
-            yield _row("frames", f"{scene}, {backend}: together", sum(stages.values()), "s/frame")
-            for stage, seconds in sorted(stages.items(), key=lambda item: -item[1]):
-                yield _row("frames", f"{scene}, {backend}: {stage}", seconds, "s/frame")
+            yield from _stages("frames", f"{scene}, {backend}", stages)
+
+
+def large_frames(sizes: Sizes) -> Iterator[Row]:
+    """Stages of a frame of 1920x1080 with 500,000 rays for 1.5 million texels; takes some minutes."""
+    from lightloom.bench.frames import measure_large
+
+    for what, stages in measure_large().items():
+        yield from _stages("large-frames", what, stages)
+
+
+def _stages(benchmark: str, what: str, stages: dict[str, float]) -> Iterator[Row]:
+    yield _row(benchmark, f"{what}: together", sum(stages.values()), "s/frame")
+    for stage, seconds in sorted(stages.items(), key=lambda item: -item[1]):
+        yield _row(benchmark, f"{what}: {stage}", seconds, "s/frame")
 
 
 def emission(sizes: Sizes) -> Iterator[Row]:
@@ -94,8 +106,12 @@ BENCHMARKS: dict[str, Callable[[Sizes], Iterator[Row]]] = {
     "ray-triangle": ray_triangle_vectors,
     "tracing": tracing,
     "frames": frames,
+    "large-frames": large_frames,
     "emission": emission,
 }
+
+LONG = ("large-frames",)
+"""Those that are measured only where they are asked for by name."""
 
 
 def summary(name: str) -> str:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from lightloom.bench.suite import BENCHMARKS, Sizes, summary
+from lightloom.bench.suite import BENCHMARKS, LONG, Sizes, summary
 from lightloom.golden_model.contract.interfaces import UNITS
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.parameters import described
@@ -36,7 +36,10 @@ def _help(says: str, name: str) -> str:
 
 def bench(
     names: Annotated[
-        list[str] | None, typer.Argument(metavar="NAME", help="Benchmarks; all but `traversal` if none is given.")
+        list[str] | None,
+        typer.Argument(
+            metavar="NAME", help=f"Benchmarks; all but `{'` and `'.join((*LONG, TRAVERSAL))}` if none is given."
+        ),
     ] = None,
     vectors: Annotated[
         int | None,
@@ -80,7 +83,8 @@ def bench(
     from lightloom.shared.console import Progress, print_json, print_table
     from lightloom.shared.provenance import machine, versions
 
-    chosen = [choose(name, [*BENCHMARKS, TRAVERSAL], "benchmark") for name in dict.fromkeys(names or BENCHMARKS)]
+    usual = [name for name in BENCHMARKS if name not in LONG]
+    chosen = [choose(name, [*BENCHMARKS, TRAVERSAL], "benchmark") for name in dict.fromkeys(names or usual)]
     if rays is not None:
         at_least(rays, 1, "--rays")
     if vectors is not None:
@@ -172,7 +176,8 @@ bench.__doc__ = "\n".join(
     [
         "Measure speed: Verilated units, golden model, emission.",
         "",
-        "Runs on one core. The bunny is measured where `make meshes` has put it into build/meshes.",
+        "Runs on one core, `large-frames` also on two. The bunny is measured where `make meshes` has put it into",
+        "build/meshes.",
         "",
         "\b",
         "Benchmarks:",

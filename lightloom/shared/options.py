@@ -35,7 +35,7 @@ Traversal = Annotated[
     ),
 ]
 Threads = Annotated[
-    int, typer.Option("--threads", metavar="N", help="Threads that trace rays, with the same bits for any number.")
+    int, typer.Option("--threads", metavar="N", help="Threads that trace rays and look at texels, with the same bits.")
 ]
 Folder = Annotated[Path, typer.Option("--out", metavar="DIR", help="The folder that everything is written to.")]
 Directions = Annotated[

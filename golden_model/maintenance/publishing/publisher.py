@@ -16,7 +16,6 @@ from lightloom.golden_model.maintenance.publishing.regions import regions_of
 from lightloom.golden_model.maintenance.publishing.smoothing import Smoother
 from lightloom.golden_model.numerics.floats import LARGEST_HALF, float_minmax, float_to_half, quiet
 from lightloom.golden_model.scene.lightmap import Lightmaps, filled, part_of
-from lightloom.golden_model.tracing.bvh.traversal import backend_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,26 +120,18 @@ class Publisher:
     def _values(self, state: np.ndarray, texel: np.ndarray) -> np.ndarray:
         """Published values of texels of level 0 (M,): (M, 4) binary16."""
         fill = self.lightmaps.fill[texel]
-        source, shown_by = np.unique(np.maximum(fill, 0), return_inverse=True)
-        value = self._plain[source]
-        if self.smoother is not None:
-            value = self.smoother.smoothed(self._plain, state, source)
-        rgba = _packed(value, state["count"][source] > 0)[shown_by]
+        shown = np.zeros(len(state), dtype=np.bool_)
+        shown[fill] = True  # where -1 the last one too, which is not read
+        source = np.flatnonzero(shown)
+        place = np.empty(len(state), dtype=np.int32)
+        place[source] = np.arange(len(source))
+        value = self._plain[source] if self.smoother is None else self.smoother.smoothed(self._plain, state, source)
+        rgba = _packed(value, state["count"][source] > 0)[place[fill]]
         return np.where((fill >= 0)[:, None], rgba, np.float16(0))
 
     def _parts(self, maps: np.ndarray) -> list[slice]:
         """Texels of level 0 of each of `maps`."""
         return [part_of(self.lightmaps, number) for number in maps.tolist()]
-
-
-def smoother_of(lightmaps: Lightmaps, backend: str) -> Smoother:
-    """What smooths `lightmaps`, with a backend as for `trace`: the same bits."""
-    if backend_of(backend) == "numba":
-        # Imported when needed: numba takes half a second to load.
-        from lightloom.golden_model.maintenance.publishing.smoothing_numba import CompiledSmoother
-
-        return CompiledSmoother(lightmaps)
-    return Smoother(lightmaps)
 
 
 def apply(difference: Difference, published: np.ndarray) -> None:

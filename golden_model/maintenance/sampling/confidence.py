@@ -35,5 +35,5 @@ def lower(state: np.ndarray, expected: np.ndarray) -> np.ndarray:
 
 
 def limit(state: np.ndarray, most: np.ndarray) -> None:
-    """Nothing of TEXEL_STATE (N,) is worth more samples than `most` (N,) says in 16ths; in place."""
-    np.minimum(state["count"], most, out=state["count"], casting="unsafe")
+    """Nothing of TEXEL_STATE (N,) is worth more samples than `most` (N,) uint16 says in 16ths; in place."""
+    np.minimum(state["count"], most, out=state["count"])

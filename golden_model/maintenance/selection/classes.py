@@ -30,12 +30,21 @@ def class_table(policy: Policy) -> np.ndarray:
     return np.clip(points, 0, CLASSES - 1).astype(np.uint8)
 
 
+def classes_of(table: np.ndarray, *what: np.ndarray) -> np.ndarray:
+    """What the class table holds for texels, by its five indices, (N,) uint8 each of 0 to 3: (N,) uint8."""
+    place = np.zeros(len(what[0]), dtype=np.uint16)
+    for index in what:
+        place <<= np.uint16(2)
+        place |= index
+    return table.reshape(-1)[place]
+
+
 def needs(state: np.ndarray, frame: int, policy: Policy) -> np.ndarray:
     """TEXEL_STATE (N,) at a frame to IN_ORDER, OLD, FEW or NEVER, (N,) uint8: by count and by age ([0058]).
 
     Ages are modulo FRAMES, as the state holds them.
     """
-    age = (frame - state["frame"].astype(np.int64)) % FRAMES
+    age = (np.uint16(frame % FRAMES) - state["frame"]) & np.uint16(FRAMES - 1)
     out = np.where(age >= policy.old, np.uint8(OLD), np.uint8(IN_ORDER))
     out = np.where(state["count"] < policy.few * ONE_SAMPLE, np.uint8(FEW), out)
     return np.where(state["count"] == 0, np.uint8(NEVER), out)

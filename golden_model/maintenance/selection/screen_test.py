@@ -5,6 +5,7 @@ the four pixels around each of these.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,22 +28,39 @@ class Sight:
     """Level of detail at which a seen texel is read: whole levels, 0 to 3, 0 for others, (N,) uint8."""
 
 
+ScreenTest = Callable[..., Sight]
+"""`screen_test` or its compiled twin."""
+
+
 def screen_test(
-    position: np.ndarray, normal: np.ndarray, view: View, gbuffer: np.ndarray, texel_size: float, policy: Policy
+    position: np.ndarray,
+    normal: np.ndarray,
+    view: View,
+    gbuffer: np.ndarray,
+    texel_size: float,
+    policy: Policy,
+    valid: np.ndarray | None = None,
 ) -> Sight:
     """The tests by the G-buffer: surface points (N, 3) and unit normals (N, 3), GBUFFER (H, W).
 
-    `texel_size` is the side of a texel in the scene's unit. LIKELY is what is in doubt, which is everything on the
-    screen where the policy has neither of the two tests.
+    Of the texels `valid` (N,) bool are looked at, or all; the others are UNSEEN. `texel_size` is the side of a texel in
+    the scene's unit. LIKELY is what is in doubt, which is everything on the screen where the policy has neither of the
+    two tests.
     """
-    count = len(position)
-    degree, lod = np.full(count, UNSEEN, dtype=np.uint8), np.zeros(count, dtype=np.uint8)
-    place = texel_project(to_project(position, normal, view, texel_size, policy))
-    visible = np.flatnonzero(place["visible"])
-    operands = to_match(normal[visible], place[visible], view, pixels_of(gbuffer), texel_size, policy)
+    degree, lod = unseen(len(position))
+    chosen = np.arange(len(position)) if valid is None else np.flatnonzero(valid)
+    place = texel_project(to_project(position[chosen], normal[chosen], view, texel_size, policy))
+    on_screen = np.flatnonzero(place["visible"])
+    visible = chosen[on_screen]
+    operands = to_match(normal[visible], place[on_screen], view, pixels_of(gbuffer), texel_size, policy)
     found = texel_match(operands)
     degree[visible], lod[visible] = found["degree"], found["lod"]
     return Sight(degree=degree, lod=lod)
+
+
+def unseen(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Degree and level of texels of which nothing is known yet, (N,) uint8 each."""
+    return np.full(count, UNSEEN, dtype=np.uint8), np.zeros(count, dtype=np.uint8)
 
 
 def pixels_of(gbuffer: np.ndarray) -> np.ndarray:

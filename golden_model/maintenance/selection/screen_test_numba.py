@@ -1,5 +1,6 @@
 """The compiled twin of `screen_test`, texel by texel, in all bits. Needs numba; NumPy's remains the definition."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,9 @@ from lightloom.golden_model.contract.formats import (
     SEEN,
     SHORTEST,
     TEXEL_PLACE,
-    UNSEEN,
 )
 from lightloom.golden_model.maintenance.selection.policy import Policy
-from lightloom.golden_model.maintenance.selection.screen_test import Sight, pixels_of, to_match, to_project
+from lightloom.golden_model.maintenance.selection.screen_test import Sight, pixels_of, to_match, to_project, unseen
 from lightloom.golden_model.numerics import floats
 from lightloom.golden_model.scene.pinhole import View
 from lightloom.golden_model.tracing.bvh.traversal_numba import flush
@@ -32,19 +32,41 @@ FIXED_LIMIT = 2.0**31
 BEYOND_LIMIT = (1 << 31) - 1
 NO_LEVEL = np.iinfo(np.int16).max
 ONE = np.float32(1)
+HALF_NORMAL = np.float32(2.0**-14)
+"""The smallest number of binary16 that has all its bits."""
+HALF_UNIT = np.float32(2.0**24)
+"""What makes whole numbers of those below."""
+HALF_BEYOND = np.float32(65520)
+"""From here on they are infinite."""
+SHORTER = np.uint32(13)
+"""Bits that the fraction of binary16 has less than that of float32."""
 
 
 def screen_test(
-    position: np.ndarray, normal: np.ndarray, view: View, gbuffer: np.ndarray, texel_size: float, policy: Policy
+    position: np.ndarray,
+    normal: np.ndarray,
+    view: View,
+    gbuffer: np.ndarray,
+    texel_size: float,
+    policy: Policy,
+    valid: np.ndarray | None = None,
+    *,
+    run: Callable[[Callable[[slice], None], int], None],
 ) -> Sight:
-    """As `screen_test.screen_test`."""
-    nowhere, pixels = np.zeros((1, 3), dtype=np.float32), pixels_of(gbuffer)
+    """As `screen_test.screen_test`; `run` has a work done on all slices of a number of texels."""
+    nowhere, pixels = np.zeros((1, 3), dtype=np.float32), pixels_of(gbuffer[:1, :1])
     camera = _common(to_project(nowhere, nowhere, view, texel_size, policy), CAMERA)
     place = np.zeros(1, dtype=TEXEL_PLACE)
     rules = _common(to_match(nowhere, place, view, pixels, texel_size, policy), RULES)
-    degree, lod = np.full(len(position), UNSEEN, dtype=np.uint8), np.zeros(len(position), dtype=np.uint8)
-    facing = floats.half_to_float(pixels["normal"])
-    look(position, normal, camera[0], rules[0], pixels["depth"], facing, pixels["lod"], degree, lod)
+    degree, lod = unseen(len(position))
+    chosen = np.ones(len(position), dtype=np.bool_) if valid is None else valid
+    depth, facing, level = gbuffer["depth"], gbuffer["normal"], gbuffer["lod"]
+
+    def work(part: slice) -> None:
+        texels = position[part], normal[part], chosen[part]
+        look(*texels, camera[0], rules[0], depth, facing, level, degree[part], lod[part])
+
+    run(work, len(position))
     return Sight(degree=degree, lod=lod)
 
 
@@ -61,6 +83,20 @@ def _common(operands: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
 def dot(ax: Any, ay: Any, az: Any, b: Any) -> Any:
     """As `texel_project.dot_of`, with b three numbers."""
     return flush(flush(flush(ax * b[0]) + flush(ay * b[1])) + flush(az * b[2]))
+
+
+@compiled
+def half(number: Any) -> Any:
+    """As `floats.float_to_half` and `floats.half_to_float` one after the other, up to the payload of a NaN."""
+    size = abs(number)
+    if size < HALF_NORMAL:
+        return np.rint(number * HALF_UNIT) / HALF_UNIT
+    if not size < HALF_BEYOND:
+        return np.copysign(np.float32(np.inf), number) if size >= HALF_BEYOND else number
+    pattern = np.float32(number).view(np.uint32)
+    odd = (pattern >> SHORTER) & np.uint32(1)
+    rounded = (pattern + np.uint32((1 << SHORTER - 1) - 1) + odd) >> SHORTER << SHORTER
+    return np.uint32(rounded).view(np.float32)
 
 
 @compiled
@@ -101,13 +137,16 @@ def tolerance_of(nx: Any, ny: Any, nz: Any, z: Any, above: Any, outside: Any, ca
 
 
 @compiled
-def outcome(cosine: Any, z: Any, tolerance: Any, seen_depth: Any, rules: Any) -> Any:
+def outcome(nx: Any, ny: Any, nz: Any, z: Any, tolerance: Any, seen_depth: Any, facing: Any, rules: Any) -> Any:
     """As `texel_match._compare`."""
     by_normal, by_depth = rules.normal_test != 0, rules.depth_test != 0
     behind = flush(z - flush(seen_depth))
     same_depth = abs(behind) <= tolerance
     not_behind = behind < flush(tolerance * rules.depth_doubt)
-    same_normal = cosine >= rules.normal_cosine
+    if by_depth and not (same_depth or not_behind or seen_depth == np.inf):
+        return HIDDEN  # whatever its normal: most texels end here
+    there = (half(facing[0]), half(facing[1]), half(facing[2]))
+    same_normal = dot(nx, ny, nz, there) >= rules.normal_cosine
     if (by_normal or by_depth) and (same_normal or not by_normal) and (same_depth or not by_depth):
         return SEEN
     if by_normal:
@@ -122,9 +161,10 @@ def look(
     sources: Any,  # left out by callers: `cached` says why
     position: Any,  # float32 (N, 3)
     normal: Any,  # float32 (N, 3)
+    valid: Any,  # bool (N,)
     camera: Any,
     rules: Any,
-    depth: Any,  # float32 (H, W), of PIXEL
+    depth: Any,  # float32 (H, W), as the next two of GBUFFER
     facing: Any,  # float32 (H, W, 3)
     level: Any,  # int16 (H, W)
     degree: Any,  # uint8 (N,), all UNSEEN
@@ -134,6 +174,8 @@ def look(
     slack = np.float32(2.0 ** -np.int64(camera.facing_shift))
     width, height = np.int64(camera.width), np.int64(camera.height)
     for number in range(len(position)):
+        if not valid[number]:
+            continue
         x, y, z = position[number]
         x, y, z = flush(flush(x) - camera.eye[0]), flush(flush(y) - camera.eye[1]), flush(flush(z) - camera.eye[2])
         nx, ny, nz = normal[number]
@@ -154,7 +196,7 @@ def look(
         finest: Any = NO_LEVEL
         for i in taps(row, height):
             for j in taps(column, width):
-                found = outcome(dot(nx, ny, nz, facing[i, j]), away, tolerance, depth[i, j], rules)
+                found = outcome(nx, ny, nz, away, tolerance, depth[i, j], facing[i, j], rules)
                 best = max(best, found)
                 if found == SEEN:
                     finest = min(finest, np.int64(level[i, j]))

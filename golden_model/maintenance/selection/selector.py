@@ -13,7 +13,7 @@ import numpy as np
 from lightloom.golden_model.contract.formats import COUNT_MAX, LIKELY, SEEN
 from lightloom.golden_model.maintenance.publishing.regions import SIDE_LEVELS
 from lightloom.golden_model.maintenance.sampling.running_average import drop
-from lightloom.golden_model.maintenance.selection.classes import Share, class_table, needs, quotas
+from lightloom.golden_model.maintenance.selection.classes import Share, class_table, classes_of, needs, quotas
 from lightloom.golden_model.maintenance.selection.influence.changes import table_of
 from lightloom.golden_model.maintenance.selection.influence.footprints import footprints
 from lightloom.golden_model.maintenance.selection.influence.reach import loose_bounds, texel_changes, touched
@@ -21,7 +21,7 @@ from lightloom.golden_model.maintenance.selection.influence.volumes import volum
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import CLASSES, SHARE, Policy
 from lightloom.golden_model.maintenance.selection.round_robin import RoundRobin
-from lightloom.golden_model.maintenance.selection.screen_test import Sight
+from lightloom.golden_model.maintenance.selection.screen_test import ScreenTest, Sight, screen_test
 from lightloom.golden_model.maintenance.selection.tracking import most_worth
 from lightloom.golden_model.maintenance.selection.variability import Variability
 from lightloom.golden_model.maintenance.selection.visibility import Visibility
@@ -102,7 +102,7 @@ class Plan:
     expected: np.ndarray
     """Change that is expected in this frame by influence records, 0 to WHOLE_CHANGE, (N,) uint8; 0 without `lower`."""
     most: np.ndarray
-    """Samples in 16ths that averages are worth at most, by how theirs departed, (N,) int64; COUNT_MAX: no limit."""
+    """Samples in 16ths that averages are worth at most, by how theirs departed, (N,) uint16; COUNT_MAX: no limit."""
     change: np.ndarray
     """Change level by influence, by what texels noticed, and by updates still to come after a change, (N,) uint8."""
     heavy: np.ndarray
@@ -126,8 +126,10 @@ class Plan:
 class Selector:
     """The selection of one scene's lightmaps over a sequence of frames."""
 
-    def __init__(self, lightmaps: Lightmaps, scene: Scene, policy: Policy | None = None, backend: str = "numpy"):
-        """Lightmaps and scene at rest; `backend` as for `trace`."""
+    def __init__(
+        self, lightmaps: Lightmaps, scene: Scene, policy: Policy | None = None, test: ScreenTest = screen_test
+    ):
+        """Lightmaps and scene at rest."""
         self.policy = policy or Policy()
         self.order = coarse_to_fine(lightmaps, self.policy.together)
         """The texels in the order in which they are read and take their turns, (V,) int64."""
@@ -137,8 +139,8 @@ class Selector:
         self._windows = windows
         self._variability = Variability(lightmaps, windows, self.policy)
         memory = self._variability.by_region
-        exists = lightmaps.texels["state"][memory] == VALID
-        self._visibility = Visibility(windows, memory[exists], self.policy, backend)
+        self._exists = lightmaps.texels["state"] == VALID
+        self._visibility = Visibility(windows, memory[self._exists[memory]], self.policy, test)
         self._sweep, self._probe = RoundRobin(), RoundRobin()
         self._sweep_share, self._probe_share = Share(self.policy.sweep), Share(self.policy.probe)
         self._turns = [RoundRobin() for _ in range(CLASSES)]
@@ -152,8 +154,7 @@ class Selector:
         there are as many to spare as the budget would pay for if no texel took more.
         """
         policy, maps = self.policy, context.lightmaps
-        valid = np.zeros(len(maps.texels), dtype=bool)
-        valid[self.order] = maps.texels["state"][self.order] == VALID
+        valid = self._exists & (maps.texels["state"] == VALID)
         allowed = self._allowed(budget, cost)
         records, footprint_rays = self._changes(context, allowed)
         boxes = loose_bounds(self._table, context.after, policy)
@@ -163,8 +164,8 @@ class Selector:
         noticed, believed = self._noticed(context.state, valid)
         change = np.maximum(influence, noticed)
         change = np.where(valid & (context.state["heavy"] > 0), np.uint8(3), change)
-        priority = self._classes[sight.lod, needs(context.state, context.frame, policy), bins, change, sight.degree]
-        priority[~valid] = 0
+        need = needs(context.state, context.frame, policy)
+        priority = classes_of(self._classes, sight.lod, need, bins, change, sight.degree) * valid
         urgent = valid & ((influence >= policy.heavy_level) | believed)
 
         left = budget - footprint_rays - visibility_rays
@@ -181,7 +182,7 @@ class Selector:
             bins=bins,
             influence=influence,
             expected=expected if policy.lower else np.zeros_like(expected),
-            most=most_worth(context.state, self._windows) if policy.track else np.full(len(valid), COUNT_MAX),
+            most=most_worth(context.state, self._windows) if policy.track else np.full_like(need, COUNT_MAX, np.uint16),
             change=change,
             heavy=urgent & (policy.heavy_updates > 0),
             # Heavy updates of which none has come yet: the change is known and the value is from before it.

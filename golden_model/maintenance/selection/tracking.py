@@ -21,7 +21,7 @@ _SQUARED = 25
 
 
 def most_worth(state: np.ndarray, windows: Windows) -> np.ndarray:
-    """By TEXEL_STATE (N,): samples in 16ths, (N,) int64; COUNT_MAX where nothing speaks against the average.
+    """By TEXEL_STATE (N,): samples in 16ths, (N,) uint16; COUNT_MAX where nothing speaks against the average.
 
     Of the texels of each window whose averages are worth SETTLED samples or more, B is the sum of `bias`, D that of
     `deviation`, and K how many they are. Of noise alone B * B * K exceeds D * D about once in 500 times, three
@@ -29,11 +29,12 @@ def most_worth(state: np.ndarray, windows: Windows) -> np.ndarray:
     of them; its root is taken in half octaves.
     """
     settled = state["count"] >= SETTLED * ONE_SAMPLE
-
-    def total(of: np.ndarray) -> np.ndarray:
-        return windows.total(np.where(settled, of, 0).astype(np.int64))
-
-    bias, usual, texels = np.abs(total(state["bias"])), total(state["deviation"]), total(settled)
-    power = np.maximum(half_octaves(usual) - half_octaves(bias), 0)
-    most = np.clip(_SQUARED << power, LEAST_WORTH, COUNT_MAX)
-    return np.where(settled & (bias * bias * texels > usual * usual), most, COUNT_MAX)
+    texels = windows.total(settled.astype(np.uint8))
+    bias, usual = (
+        np.abs(windows.total(state[name] * settled.astype(np.int32)).astype(np.int64)) for name in ("bias", "deviation")
+    )
+    off = np.flatnonzero(settled & (bias * bias * texels > usual * usual))
+    power = np.maximum(half_octaves(usual[off]) - half_octaves(bias[off]), 0)
+    most = np.full(len(state), COUNT_MAX, dtype=np.uint16)
+    most[off] = np.clip(_SQUARED << power, LEAST_WORTH, COUNT_MAX)
+    return most

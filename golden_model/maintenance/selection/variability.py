@@ -38,18 +38,18 @@ def contrast_bins(values: np.ndarray, windows: Windows, thresholds: tuple[int, .
     The contrast of two texels is the difference of their luminances over the larger one: no division is needed. Of
     the four neighbours the one with the highest counts.
     """
-    bright = np.append(luminance(values), np.float32(0))
+    bright = luminance(values)
     bins = np.zeros(len(bright), dtype=np.uint8)
-    for first, second in ((windows.left, windows.right), (windows.up, windows.down)):
-        here = np.flatnonzero(second < len(values))
-        one, two = bright[here], bright[second[here]]
+    for pair in windows.pairs:
+        one, two = (bright[texel] for texel in pair)
         gap = flush(np.abs(flush(one - two)) * np.float32(256))
         larger = float_minmax(one, two, True)
-        found = np.zeros(len(bright), dtype=np.uint8)
+        found = np.zeros(len(gap), dtype=np.uint8)
         for threshold in thresholds:
-            found[here] += gap > flush(larger * np.float32(threshold))
-        bins = np.maximum(bins, np.maximum(found, np.append(found[first], np.uint8(0))))
-    return bins[:-1]
+            found += gap > flush(larger * np.float32(threshold))
+        for texel in pair:
+            bins[texel] = np.maximum(bins[texel], found)
+    return bins
 
 
 class Variability:

@@ -6,19 +6,16 @@ off, a silhouette, the border of the picture) is likely to be seen, and may be d
 eye.
 """
 
-from collections.abc import Callable
-
 import numpy as np
 
 from lightloom.golden_model.contract.formats import HIDDEN, LIKELY, RAY, SEEN
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.maintenance.selection.round_robin import RoundRobin
-from lightloom.golden_model.maintenance.selection.screen_test import Sight, screen_test
+from lightloom.golden_model.maintenance.selection.screen_test import ScreenTest, Sight, screen_test
 from lightloom.golden_model.numerics.floats import quiet
 from lightloom.golden_model.numerics.vectors import subtract
 from lightloom.golden_model.scene.pinhole import View
-from lightloom.golden_model.tracing.bvh.traversal import backend_of
 from lightloom.golden_model.tracing.trace_protocol import Trace
 
 
@@ -32,25 +29,12 @@ def eye_rays(start: np.ndarray, view: View) -> np.ndarray:
     return rays
 
 
-def screen_test_by(backend: str) -> Callable[..., Sight]:
-    """`screen_test` by a backend as for `trace`: the same bits."""
-    if backend_of(backend) == "numba":
-        # Imported when needed: numba takes half a second to load.
-        from lightloom.golden_model.maintenance.selection import screen_test_numba
-
-        return screen_test_numba.screen_test
-    return screen_test
-
-
 class Visibility:
     """Degrees of all texels, frame by frame; keeps the turn of those in doubt."""
 
-    def __init__(self, windows: Windows, order: np.ndarray, policy: Policy, backend: str = "numpy"):
-        """`order` (V,): the texels that exist, in the order in which doubts are decided: that of memory.
-
-        `backend` as for `trace`.
-        """
-        self._screen_test = screen_test_by(backend)
+    def __init__(self, windows: Windows, order: np.ndarray, policy: Policy, test: ScreenTest = screen_test):
+        """`order` (V,): the texels that exist, in the order in which doubts are decided: that of memory."""
+        self._screen_test = test
         self.windows, self.order, self.policy = windows, order, policy
         self.cursor = RoundRobin()
 
@@ -71,11 +55,9 @@ class Visibility:
         At most `rays` rays are traced, and none without `trace`.
         """
         policy, count = self.policy, len(texels)
-        chosen = np.flatnonzero(valid)
-        position, normal = texels["position"][chosen], texels["normal"][chosen]
-        here = self._screen_test(position, normal, view, gbuffer, texel_size, policy)
-        degree, lod = (np.zeros(count, dtype=np.uint8) for _ in range(2))
-        degree[chosen], lod[chosen] = here.degree, here.lod
+        position, normal = texels["position"], texels["normal"]
+        here = self._screen_test(position, normal, view, gbuffer, texel_size, policy, valid)
+        degree = here.degree
 
         traced = 0
         if policy.ray_test and trace is not None and rays > 0:
@@ -87,14 +69,13 @@ class Visibility:
         soon = np.zeros(count, dtype=bool)
         later = np.zeros(count, dtype=np.uint8)
         if predicted is not None:
-            there = self._screen_test(position, normal, *predicted, texel_size, policy)
+            there = self._screen_test(position, normal, *predicted, texel_size, policy, valid)
             # What is in doubt there counts too: strips that appear along a silhouette are narrower than its pixels.
-            soon[chosen] = there.degree >= LIKELY
-            soon = self.windows.largest(soon.view(np.uint8), policy.near_seen) > 0
+            soon = self.windows.largest((there.degree >= LIKELY).view(np.uint8), policy.near_seen) > 0
             # A pixel of the small picture covers more texels than one of the frame will.
-            finer = int(policy.prediction_scale).bit_length() - 1
-            later[chosen] = np.maximum(there.lod.astype(np.int16) - finer, 0)
-        return self._together(Sight(degree=degree, lod=lod), valid, soon, later), traced
+            finer = np.uint8(int(policy.prediction_scale).bit_length() - 1)
+            later = np.maximum(there.lod, finer) - finer
+        return self._together(here, valid, soon, later), traced
 
     def _together(self, here: Sight, valid: np.ndarray, soon: np.ndarray, later: np.ndarray) -> Sight:
         """`here`, with all that lies within `near_seen` of a seen texel, or is seen `soon`, likely to be read.

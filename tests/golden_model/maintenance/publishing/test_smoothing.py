@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL_STATE
+from lightloom.golden_model.maintenance import kernels
 from lightloom.golden_model.maintenance.publishing.publisher import Publisher, apply
 from lightloom.golden_model.maintenance.publishing.smoothing import REACH, Smoother
 from lightloom.golden_model.numerics.floats import LARGEST_HALF
@@ -157,10 +158,10 @@ def test_it_is_what_a_scalar_twin_computes(seed: int) -> None:
 
 
 @needs_numba
-def test_the_compiled_twin_has_the_same_bits() -> None:
+def test_the_compiled_twin_has_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of all texels and of some, in any order; light from nothing to the largest that binary16 holds."""
-    from lightloom.golden_model.maintenance.publishing.smoothing_numba import CompiledSmoother
-
+    monkeypatch.setattr(kernels, "PORTION", 50)
+    twins = [kernels.Kernels("numba", threads).smoother for threads in (1, 2)]
     for seed in range(40):
         rng = np.random.default_rng(seed)
         maps = ragged_maps(seed, SIZES)
@@ -171,7 +172,7 @@ def test_the_compiled_twin_has_the_same_bits() -> None:
             state["count"] = rng.choice([0, 1, ONE_SAMPLE - 1, ONE_SAMPLE, 2 * ONE_SAMPLE - 1, 4095], len(state))
             state["spread"], state["deviation"] = rng.choice([0, 1, 4095], (2, len(state)))
         some = rng.permutation(len(state))[: [len(state), 1, 40, 0][seed % 4]]
-        one, two = (kind(maps).smoothed(value, state, some) for kind in (Smoother, CompiledSmoother))
+        one, two = (kind(maps).smoothed(value, state, some) for kind in (Smoother, twins[seed // 4 % 2]))
         wrong = np.flatnonzero((one.view(np.uint32) != two.view(np.uint32)).any(axis=1))
         assert not len(wrong), f"seed {seed}, texel {some[wrong[0]]}: {one[wrong[0]]}, compiled {two[wrong[0]]}"
 

@@ -15,6 +15,7 @@ from lightloom.golden_model.maintenance.selection.classes import (
     OLD,
     Share,
     class_table,
+    classes_of,
     needs,
     quotas,
 )
@@ -82,6 +83,13 @@ def test_class_table_adds_points_and_stays_in_range() -> None:
     assert table[0, :, 0, 0, 2].tolist() == [6, 7, 8, 10]
     assert table[0, 3, 3, 3, 3] == 15
     assert table[3, 0, 0, 0, 0] == 0
+
+
+def test_classes_are_read_off_the_table() -> None:
+    seed = 3
+    table = class_table(Policy())
+    what = np.random.default_rng(seed).integers(0, 4, (5, 4000)).astype(np.uint8)
+    assert (classes_of(table, *what) == table[tuple(what)]).all(), f"seed {seed}"
 
 
 def test_needs_by_count_and_age() -> None:

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.contract.formats import GBUFFER, HIDDEN, LIKELY, SEEN, UNSEEN
+from lightloom.golden_model.maintenance import kernels
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.maintenance.selection.predicted_view import extrapolated, predicted_view
 from lightloom.golden_model.maintenance.selection.screen_test import Sight, screen_test
 from lightloom.golden_model.maintenance.selection.selector import coarse_to_fine
 from lightloom.golden_model.maintenance.selection.visibility import Visibility, eye_rays
+from lightloom.golden_model.numerics.floats import float_to_half, half_to_float
 from lightloom.golden_model.numerics.vectors import vector
 from lightloom.golden_model.scene.lightmap import VALID
 from lightloom.golden_model.scene.scene import Camera
@@ -149,10 +151,10 @@ NUMBERS = np.array([0, -0.0, 2.0**-140, -(2.0**-126), 1, -1, 3e38, -3e38, np.inf
 
 @needs_numba
 @pytest.mark.parametrize("seed", range(12))
-def test_the_compiled_twin_says_the_same(seed: int) -> None:
+def test_the_compiled_twin_says_the_same(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Texels in sight and out of it, at borders and depths of pixels; from the eighth seed on also any numbers."""
-    from lightloom.golden_model.maintenance.selection import screen_test_numba
-
+    monkeypatch.setattr(kernels, "PORTION", 700)
+    twin = kernels.Kernels("numba", threads=1 + seed % 2).screen_test
     rng = np.random.default_rng(seed)
     view = STAGE.context(0, 48).view
     gbuffer = np.zeros((view.height, view.width), dtype=GBUFFER)
@@ -167,7 +169,7 @@ def test_the_compiled_twin_says_the_same(seed: int) -> None:
     position = (view.position + local @ np.stack([view.right, view.up, view.forward])).astype(np.float32)
     normal = (gbuffer["normal"].reshape(-1, 3)[rng.integers(gbuffer.size, size=len(at))]).astype(np.float32)
     if seed >= 8:
-        for values in (position, normal, gbuffer["depth"]):
+        for values in (position, normal, gbuffer["depth"], gbuffer["normal"]):
             odd = rng.random(values.shape) < 0.05
             values[odd] = rng.choice(NUMBERS, int(odd.sum()))
     degrees = set()
@@ -180,13 +182,31 @@ def test_the_compiled_twin_says_the_same(seed: int) -> None:
             depth_limit=float(rng.choice([0, 0.1, 1])),
         )
         size = float(rng.choice([0, 0.02, 0.5]))
-        one, two = (
-            test(position, normal, view, gbuffer, size, rules) for test in (screen_test, screen_test_numba.screen_test)
-        )
+        valid = None if by_normal and by_depth else rng.random(len(at)) < 0.9
+        one, two = (test(position, normal, view, gbuffer, size, rules, valid) for test in (screen_test, twin))
+        assert valid is None or not (one.degree[~valid].any() or one.lod[~valid].any())
         wrong = np.flatnonzero((one.degree != two.degree) | (one.lod != two.lod))
         assert not len(wrong), f"seed {seed}, {rules}, texel {wrong[0]}: {position[wrong[0]]}, {normal[wrong[0]]}"
         degrees |= set(one.degree.tolist())
     assert degrees == {UNSEEN, HIDDEN, LIKELY, SEEN}
+
+
+@needs_numba
+def test_the_compiled_twin_rounds_to_binary16() -> None:
+    """Any pattern, and those beside halves of a unit, from the smallest subnormal to infinity."""
+    from lightloom.golden_model.maintenance.selection.screen_test_numba import half
+
+    seed = 5
+    rng = np.random.default_rng(seed)
+    halves = np.arange(0x7C00).astype(np.uint16).view(np.float16).astype(np.float32)
+    ties = np.concatenate([(halves[1:] + halves[:-1]) / 2, halves, [65519.99, 65520, 65536, 3e38]]).astype(np.float32)
+    near = np.concatenate([ties, np.nextafter(ties, np.float32(np.inf)), np.nextafter(ties, np.float32(0))])
+    any_number = rng.integers(0, 1 << 32, 20000, dtype=np.uint32).view(np.float32)
+    for number in (near, -near, any_number, NUMBERS):
+        wanted = half_to_float(float_to_half(number))
+        found = np.array([half(value) for value in number], dtype=np.float32)
+        same = (found.view(np.uint32) == wanted.view(np.uint32)) | (np.isnan(found) & np.isnan(wanted))
+        assert same.all(), f"seed {seed}: {number[~same][:3]}, {found[~same][:3]}, not {wanted[~same][:3]}"
 
 
 def test_level_of_detail_comes_from_the_gbuffer() -> None:
