@@ -16,6 +16,7 @@ from lightloom.bench import traversal_page
 from lightloom.bench.traversal_page import KEYS, last_of
 from lightloom.gen.pages.coverage_page import percent, totals
 from lightloom.golden_model.contract.interfaces import PURE
+from lightloom.pages.measure import parts
 from lightloom.rtl.catalogue import CATALOGUE
 from lightloom.rtl.config import PRESETS
 from lightloom.shared.console import json_text
@@ -58,6 +59,8 @@ CYCLES |= {"ratio": "ratio", "mismatches": "mismatches"}
 DOCS = Path(__file__).parents[2] / "docs"
 PARTS = "results"
 """The folder of the reports, in that of the page."""
+NO_PDK = Path("pdk")
+"""The names of what is measured do not depend on where the libraries are."""
 
 PREAMBLE = """\
 # Results
@@ -65,6 +68,10 @@ PREAMBLE = """\
 Generated: every table is what the commands above it have printed with `--json` ([results/](results)), at the commit
 above each command; of a unit that two of them measured, the later one's row is shown. How the figures come about is in
 [synthesis.md](synthesis.md). All timing is after mapping and before layout: wires have no length, the clock is ideal.
+"""
+
+MISSING = """\
+**Not measured** since reports are kept with their commits (`make results` does it): {names}.
 """
 
 GATES_TEXT = """\
@@ -304,8 +311,8 @@ SECTIONS: dict[str, Callable[[Sequence[Report]], Iterator[str]]] = {
 """In the order of the page; each takes the reports of one kind."""
 
 
-def page(reports: Sequence[Report]) -> str:
-    """The page; `reports` are the JSON of the commands, in any order."""
+def page(reports: Sequence[Report], missing: Sequence[str] = ()) -> str:
+    """The page; `reports` are the JSON of the commands, in any order, `missing` names of parts that are not there."""
     kinds: dict[str, list[Report]] = {kind: [] for kind in SECTIONS}
     for report in map(_unwrapped, reports):
         kind = _kind(report)
@@ -314,14 +321,15 @@ def page(reports: Sequence[Report]) -> str:
         elif kind == "prove" and "--mutations" in report["command"]:
             kind = "mutations"
         kinds[kind].append(report)
-    parts = [
+    sections = [
         PREAMBLE,
+        *([MISSING.format(names=", ".join(missing))] if missing else []),
         *bars(_sorted([*kinds["gates"], *kinds["synth"], *kinds["fpga"]], "rows")),
     ]
     for kind, section in SECTIONS.items():
         if kinds[kind]:
-            parts += section(kinds[kind])
-    return "\n".join(parts).rstrip() + "\n"
+            sections += section(kinds[kind])
+    return "\n".join(sections).rstrip() + "\n"
 
 
 def _unwrapped(report: Report) -> Report:
@@ -396,9 +404,11 @@ def bars(rows: Sequence[Row]) -> Iterator[str]:
 
 def pages_of(docs: Path) -> dict[str, str]:
     """Names and texts of the pages of the reports that are kept in a folder of documents."""
-    reports = [json.loads(part.read_text(encoding="utf-8")) for part in sorted((docs / PARTS).glob("*.json"))]
+    kept = sorted((docs / PARTS).glob("*.json"))
+    reports = [json.loads(part.read_text(encoding="utf-8")) for part in kept]
+    missing = [name for name in parts(NO_PDK) if name not in {part.stem for part in kept}]
     traced = [report for report in reports if "traversal" in report]
-    return {"results.md": page(reports), "traversal_figures.md": traversal_page.page(traced)}
+    return {"results.md": page(reports, missing), "traversal_figures.md": traversal_page.page(traced)}
 
 
 def write(reports: Iterable[Path], docs: Path = DOCS) -> None:
