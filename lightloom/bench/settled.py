@@ -12,6 +12,7 @@ import numpy as np
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.contract.formats import COUNT_MAX, FRAMES, ONE_SAMPLE, TEXEL_STATE
 from lightloom.golden_model.frame.rasterizer import rasterize
+from lightloom.golden_model.maintenance.kernels import Kernels
 from lightloom.golden_model.maintenance.publishing.regions import SIDE_LEVELS, Regions, regions_of
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.selection.policy import Policy
@@ -70,7 +71,7 @@ def measure(case: Case, backend: str = "auto") -> Frame:
     scene = load_scene(case.scene)
     maps = unwrap(scene, case.texel, trace=Structure(scene, backend).trace)
     policy = replace(Policy(), together=case.together)
-    selector, regions = Selector(maps, scene, policy, backend), regions_of(maps)
+    selector, regions = Selector(maps, scene, policy, Kernels(backend).screen_test), regions_of(maps)
     rng, valid = np.random.default_rng(SEED), maps.texels["state"] == VALID
     state = np.zeros(len(valid), dtype=TEXEL_STATE)
     state["count"][valid] = ONE_SAMPLE * rng.integers(4, 20, int(valid.sum()))
