@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from lightloom.golden_model.host.errors import InputError, warn
+from lightloom.golden_model.numerics.affine import cofactors, transformed
 from lightloom.golden_model.numerics.equal_points import numbered
 from lightloom.golden_model.scene.parts import Part
 
@@ -42,6 +43,11 @@ def unit_normals(directions: np.ndarray) -> np.ndarray | None:
     with np.errstate(all="ignore"):
         unit = directions / np.sqrt(dot(directions, directions))[..., None]
     return unit.astype(np.float32) if np.isfinite(unit).all() else None
+
+
+def turned_normals(normals: np.ndarray, matrix: np.ndarray, mirrored: bool) -> np.ndarray | None:
+    """Unit normals (..., 3) float32 after a map of the points by a matrix (3, 3); None where one has no direction."""
+    return unit_normals(transformed(normals, cofactors(matrix) * (-1 if mirrored else 1), np.zeros(3)))
 
 
 def _add_near(

@@ -12,6 +12,11 @@ import numpy as np
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.scene.files.remarks import Remarks
 
+USUAL = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
+"""Chromaticities that a file without them has, of Rec. 709; others are taken for these."""
+CLOSE = 1e-3
+"""Digits of theirs that programs write."""
+
 
 def read_exr(path: Path) -> np.ndarray:
     """The picture of a file: (H, W, C) float16 or float32, C channels R, G, B and A if it is there, or Y alone.
@@ -22,13 +27,24 @@ def read_exr(path: Path) -> np.ndarray:
 
     try:
         with quiet_libraries(), OpenEXR.File(str(path), separate_channels=True) as file:
+            head, parts = dict(file.header()), len(file.parts)
             channels = {name: channel.pixels for name, channel in file.channels().items()}
     except (RuntimeError, OSError, ValueError) as error:
         raise InputError(f"{path}: not a readable EXR file; write it again") from error
-    names = [name for name in ("R", "G", "B", "A", "Y") if name in channels]
-    if not {"R", "G", "B"} <= set(names) and names != ["Y"]:
+    coloured = {"R", "G", "B"} <= set(channels)
+    names = [name for name in (("R", "G", "B", "A") if coloured else ("Y",)) if name in channels]
+    if not names:
         raise InputError(f"{path}: has channels {', '.join(channels)}; a picture needs R, G, B (or Y)")
+    data, display = (np.array(head[name]) for name in ("dataWindow", "displayWindow"))
+    if (data != display).any():
+        raise InputError(f"{path}: holds another part than the picture (`dataWindow`); write it whole")
     remarks = Remarks(path)
+    if parts > 1:
+        remarks.leave_out(f"{parts - 1} of {parts} parts")
+    if head.get("pixelAspectRatio", 1) != 1:
+        remarks.leave_out("`pixelAspectRatio`")
+    if not np.allclose(head.get("chromaticities", USUAL), USUAL, rtol=0, atol=CLOSE):
+        remarks.leave_out("`chromaticities`")
     for name in sorted(set(channels) - set(names)):
         remarks.leave_out(f"channel `{name}`")
     remarks.say()

@@ -14,6 +14,9 @@ from lightloom.golden_model.scene.files.remarks import Remarks
 LARGEST_SIDE = 16384
 USUAL_PRIMARIES = "0.640 0.330 0.290 0.600 0.150 0.060 0.333 0.333"
 """Chromaticities that a file without PRIMARIES has; others are taken for these."""
+SAID = {"FORMAT", "EXPOSURE", "COLORCORR", "PRIMARIES", "PIXASPECT", "SOFTWARE", "VIEW", "CAPDATE", "GMT", "OWNER"}
+"""Lines of the head that are looked at, or say nothing of the light."""
+LONGEST_NAME = 20
 _BIAS = 136
 """A component is mantissa * 2**(exponent - _BIAS); all are 0 where the exponent is."""
 _LONGEST_RUN = 128
@@ -41,6 +44,8 @@ def _picture(data: bytes, remarks: Remarks) -> np.ndarray:
         raise ValueError("its FORMAT is not 32-bit_rle_rgbe")
     if {"EXPOSURE", "COLORCORR"} & set(given):
         raise ValueError("it has an EXPOSURE or COLORCORR, which would have to be undone")
+    for name in set(given) - SAID:
+        remarks.leave_out(f"`{name[:LONGEST_NAME]}`")
     if given.get("PRIMARIES", USUAL_PRIMARIES).split() != USUAL_PRIMARIES.split():
         remarks.leave_out("`PRIMARIES`")
     if float(given.get("PIXASPECT", 1)) != 1:

@@ -327,6 +327,14 @@ QUAD = "[[quad]]\ncorners = [[0,0,0],[1,0,0],[1,1,0],[0,1,0]]\n"
 CAMERA = QUAD + "[camera]\nposition=[0,0,5]\ntarget=[0,0,0]\n"
 
 
+def path_of(first: str, last: str) -> str:
+    """A camera that goes from one place to another in four frames, and looks at the origin."""
+    return "".join(
+        f"[[camera.path]]\nframe={frame}\nposition={place}\ntarget=[0,0,0]\n"
+        for frame, place in ((0, first), (4, last))
+    )
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -356,6 +364,10 @@ CAMERA = QUAD + "[camera]\nposition=[0,0,5]\ntarget=[0,0,0]\n"
         (QUAD + "[[point_light]]\nposition=[0,0,1]\n", r"\[\[point_light\]\] 1: `intensity` is missing"),
         (QUAD + "[[point_light]]\nposition=[0,0,1]\nintensity=[0,-1,0]\n", "`intensity` must not be negative"),
         (QUAD + "[camera]\nposition=[0,0,1]\n", r"\[camera\]: `target` is missing"),
+        (CAMERA + path_of("[0,0,2]", "[0,0,-2]"), r"\[camera\], frame 2: position and target must differ"),
+        (CAMERA + path_of("[0,1,2]", "[0,1,-2]"), r"\[camera\], frame 2: .* `up` must not point along the view"),
+        ("a = " + 3000 * "[" + 3000 * "]", "nested too deeply"),
+        ('[[mesh]]\nbuiltin = "cornell-blocks"\nname = "x"\n', "`name` is for one object, and this mesh has 2"),
         (QUAD + "[camera]\nposition=[0,0,1]\ntarget=[0,0,1]\n", "position and target must differ"),
         (QUAD + "[camera]\nposition=[0,1,0]\ntarget=[0,0,0]\n", "`up` must not point along the view"),
         (QUAD + "camera=3\n", None),

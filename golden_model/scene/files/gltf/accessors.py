@@ -15,7 +15,8 @@ from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.scene.files.gltf.document import damaged, not_understood
 from lightloom.golden_model.scene.files.named_files import lack
 
-COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+FLOAT = 5126
+COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", FLOAT: "<f4"}
 """Types of an accessor's numbers."""
 
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -75,6 +76,13 @@ class Accessors:
         if not numbers or len(values) != count:
             raise self.error(f"{what} is not {count} numbers")
         return np.array(values, dtype=np.float64)
+
+    def finite(self, values: Any, count: int, what: str, default: tuple[float, ...] = ()) -> np.ndarray:
+        """As `floats`, and each of them a number as large as may be."""
+        found = self.floats(values, count, what, default)
+        if not np.isfinite(found).all():
+            raise self.error(f"{what} is {found.tolist()}")
+        return found
 
     def indices(self, accessor: int) -> np.ndarray:
         """Numbers of vertices, (count,) int64."""

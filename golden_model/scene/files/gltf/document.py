@@ -71,6 +71,9 @@ def _check(values: Any, library: Any, remarks: Remarks) -> None:
     every = [(field.name, str(field.type)) for table in tables for field in fields(table)]
     known = {name for name, _ in every}
     kinds = {name: kind for name, declared in every for kind in KINDS if kind in declared}
+    for key in ("extensionsRequired", "extensionsUsed"):
+        if not isinstance(values.get(key) or [], list):
+            raise ValueError(f"`{key}` is {values[key]!r:.40}, not a list")
     for key, value in _entries(values):
         if key in kinds and isinstance(value, str | bool | int | float):
             types, what = KINDS[kinds[key]]
@@ -93,15 +96,17 @@ def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
         raise InputError(f"{path}: is of glTF {version}; only 2.0 is read")
     if not 20 + first <= length <= len(data):
         raise damaged(path, f"it has {len(data)} of {length} bytes")
-    place = 20 + first
+    place, blob = 20 + first, None
     while place + 8 <= length:
         size, kind = struct.unpack_from("<I4s", data, place)
         if place + 8 + size > length:
             raise damaged(path, "a part leads beyond its end")
         if kind == b"BIN\0":
-            return data[20 : 20 + first], data[place + 8 : place + 8 + size]
+            if blob is not None:
+                raise damaged(path, "it has two binary parts")
+            blob = data[place + 8 : place + 8 + size]
         place += 8 + size
-    return data[20 : 20 + first], None
+    return data[20 : 20 + first], blob
 
 
 def damaged(path: Path, reason: object) -> InputError:

@@ -13,15 +13,16 @@ from typing import Any
 import numpy as np
 
 from lightloom.golden_model.host.errors import InputError
-from lightloom.golden_model.numerics.affine import cofactors, determinant, product, rotation_matrix, transformed
-from lightloom.golden_model.scene.files.gltf.accessors import Accessors
+from lightloom.golden_model.numerics.affine import determinant, product, rotation_matrix, transformed
+from lightloom.golden_model.scene.files.gltf.accessors import FLOAT, Accessors
 from lightloom.golden_model.scene.files.gltf.document import damaged, gltf_document, not_understood
 from lightloom.golden_model.scene.files.gltf.materials import STRENGTH, material_colours
 from lightloom.golden_model.scene.files.remarks import Remarks
-from lightloom.golden_model.scene.mesh import unit_normals
+from lightloom.golden_model.scene.mesh import turned_normals
 from lightloom.golden_model.scene.parts import Part
 
-EXTENSIONS = frozenset(("KHR_mesh_quantization", STRENGTH))
+QUANTIZED = "KHR_mesh_quantization"
+EXTENSIONS = frozenset((QUANTIZED, STRENGTH))
 """Extensions that are read."""
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
@@ -46,9 +47,6 @@ def load_gltf(path: Path) -> list[Part]:
     remarks = Remarks(path)
     document = gltf_document(path, remarks)
     try:
-        for names in (document.extensionsRequired, document.extensionsUsed):
-            if not isinstance(names, list | None):
-                raise ValueError(f"extensions are a list, not {names!r:.40}")
         for extension in document.extensionsRequired or []:
             if extension not in EXTENSIONS:
                 raise not_understood(path, str(extension))
@@ -120,15 +118,15 @@ class _Reader:
             for name in ("translation", "rotation", "scale"):
                 if getattr(node, name) is not None:
                     raise self.read.error(f"node {number} has a matrix and a {name}; the format has one of them")
-            values = self.read.floats(node.matrix, 16, f"the matrix of node {number}").reshape(4, 4).T
+            values = self.read.finite(node.matrix, 16, f"the matrix of node {number}").reshape(4, 4).T
             if np.abs(values[3] - [0, 0, 0, 1]).max() > 1e-6:
                 raise self.read.error(f"the matrix of node {number} is not affine")
             return values[:3, :3], values[:3, 3]
-        x, y, z, w = self.read.floats(node.rotation, 4, f"the rotation of node {number}", (0, 0, 0, 1)).tolist()
+        x, y, z, w = self.read.finite(node.rotation, 4, f"the rotation of node {number}", (0, 0, 0, 1)).tolist()
         if not 0 < x * x + y * y + z * z + w * w < np.inf:
             raise self.read.error(f"the rotation of node {number} is {node.rotation}")
-        scale = self.read.floats(node.scale, 3, f"the scale of node {number}", (1, 1, 1))
-        shift = self.read.floats(node.translation, 3, f"the translation of node {number}", (0, 0, 0))
+        scale = self.read.finite(node.scale, 3, f"the scale of node {number}", (1, 1, 1))
+        shift = self.read.finite(node.translation, 3, f"the translation of node {number}", (0, 0, 0))
         return rotation_matrix(w, x, y, z) * scale, shift
 
     def _primitive(self, primitive: Any) -> "_Piece | None":
@@ -153,7 +151,7 @@ class _Reader:
             if accessor.bufferView is None and accessor.sparse is None:
                 raise not_understood(self.path, str(extension))
         self._leave_out_extensions(primitive.extensions or {})
-        points = self.read.numbers(attributes["POSITION"], "VEC3")
+        points = self._positions(attributes["POSITION"])
         order = np.arange(len(points)) if primitive.indices is None else self.read.indices(primitive.indices)
         faces = self._faces(order, primitive.mode)
         outside = (faces >= len(points)).any(axis=1)
@@ -171,6 +169,15 @@ class _Reader:
             texture_uv=self._attribute(attributes, "TEXCOORD_0", "VEC2", len(points), faces),
             material=primitive.material,
         )
+
+    def _positions(self, accessor: int) -> np.ndarray:
+        """Points (count, 3) float64; whole numbers only where the file says that it has such ones."""
+        points = self.read.numbers(accessor, "VEC3")
+        whole = self.document.accessors[accessor].componentType != FLOAT
+        named = [*(self.document.extensionsUsed or []), *(self.document.extensionsRequired or [])]
+        if whole and QUANTIZED not in named:
+            raise self.read.error(f"POSITION has whole numbers, without `{QUANTIZED}`")
+        return points
 
     def _faces(self, order: np.ndarray, mode: int) -> np.ndarray:
         """Vertices in their order to triangles (F, 3); the first vertex of each is the first of the file."""
@@ -210,7 +217,7 @@ class _Reader:
         normals = self._joined("NORMAL", [piece.normals for piece in pieces])
         uv = self._joined("TEXCOORD_0", [piece.texture_uv for piece in pieces])
         if normals is not None:
-            normals = _turned_normals(normals[:, turn], matrix, mirrored)
+            normals = turned_normals(normals[:, turn], matrix, mirrored)
             if normals is None:
                 self.remarks.leave_out_some("NORMAL")
         with np.errstate(over="ignore"):
@@ -246,8 +253,3 @@ class _Piece:
     normals: np.ndarray | None
     texture_uv: np.ndarray | None
     material: int | None
-
-
-def _turned_normals(normals: np.ndarray, matrix: np.ndarray, mirrored: bool) -> np.ndarray | None:
-    """Unit normals after a map of the points; None where one has no direction: then they are derived."""
-    return unit_normals(transformed(normals, cofactors(matrix) * (-1 if mirrored else 1), np.zeros(3)))

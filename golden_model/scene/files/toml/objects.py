@@ -17,7 +17,7 @@ from lightloom.golden_model.scene.files.polygons import triangulated
 from lightloom.golden_model.scene.files.texture_files import BUILTIN, checker, load_texture
 from lightloom.golden_model.scene.files.toml.paths import PATH, object_path
 from lightloom.golden_model.scene.files.toml.tables import Table
-from lightloom.golden_model.scene.mesh import check_part, with_area
+from lightloom.golden_model.scene.mesh import check_part, turned_normals, with_area
 from lightloom.golden_model.scene.parts import DEFAULT_ALBEDO, DEFAULT_IOR, DIFFUSE, GLASS, MIRROR, Part
 from lightloom.golden_model.scene.shapes import QUAD_UV, box, icosphere, quad_coordinates
 
@@ -59,6 +59,8 @@ class Objects:
         matrix, shift = _transform(table)
         path = object_path(table, vector(shift))
         parts = [replace(_placed(part, matrix, shift), path=path) for part in parts]
+        if "name" in table and len(parts) > 1:
+            raise InputError(f"{table.where}: `name` is for one object, and this mesh has {len(parts)}")
         if len(parts) == 1:
             parts = [replace(parts[0], name=table.text("name", parts[0].name))]
         return self._coarser(table, [self._painted(table, part) for part in parts], matrix, shift)
@@ -226,15 +228,17 @@ def _placed(part: Part, matrix: np.ndarray, shift: np.ndarray) -> Part:
     """A part of a mesh at its place in the scene."""
     corners = transformed(part.corners.astype(np.float64), matrix, shift)
     # A mirror image is turned inside out, so that its fronts stay in front.
-    order = [2, 1, 0] if determinant(matrix) < 0 else [0, 1, 2]
-    plain = (matrix == np.eye(3)).all()
+    mirrored = determinant(matrix) < 0
+    order = [2, 1, 0] if mirrored else [0, 1, 2]
+    normals = part.normals
+    if normals is not None and (matrix != np.eye(3)).any():
+        normals = turned_normals(normals[:, order].astype(np.float64), matrix, mirrored)
     with np.errstate(over="ignore"):
         rounded = corners[:, order].astype(np.float32)
     return replace(
         part,
         corners=rounded,
-        # Normals of the file would need the inverse transpose; where there is more than a shift, derive them.
-        normals=part.normals if plain else None,
+        normals=normals,
         texture_uv=None if part.texture_uv is None else part.texture_uv[:, order],
     )
 

@@ -1,7 +1,10 @@
 """Scene descriptions in TOML (docs/scenes.md describes the format)."""
 
+import math
 import tomllib
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +19,14 @@ from lightloom.golden_model.scene.files.toml.objects import BOX, MESH, QUAD, SPH
 from lightloom.golden_model.scene.files.toml.paths import key_frame, light_path
 from lightloom.golden_model.scene.files.toml.surroundings import direction, environment
 from lightloom.golden_model.scene.files.toml.tables import Table
-from lightloom.golden_model.scene.keyframes import LightPath
+from lightloom.golden_model.scene.keyframes import LightPath, segment
 from lightloom.golden_model.scene.pinhole import LARGEST_SIDE
 from lightloom.golden_model.scene.scene import Camera, Keyframe, RenderDefaults, Scene
 
 _OBJECTS = ("mesh", "quad", "box", "sphere")
 _LIGHTS = ("point_light", "spot_light", "sky", "sun")
+SMALLEST = 1e-300
+"""Divides what is 0 by no 0."""
 
 
 def load_toml(path: Path) -> Scene:
@@ -32,6 +37,8 @@ def load_toml(path: Path) -> Scene:
         raise InputError(f"{path}: no such file") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except RecursionError:
+        raise InputError(f"{path}: not a TOML file (nested too deeply)") from None
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: not a TOML file ({' '.join(str(error).split())})") from error
     known = ("name", "texel_size", "render", "camera", *_OBJECTS, *_LIGHTS)
@@ -134,13 +141,33 @@ def _camera(scene: Table) -> tuple[Camera | None, tuple[Keyframe, ...]]:
     _check_view(where, camera.position, camera.target, camera.up)
     for view in keys:
         _check_view(f"{where}, frame {view.frame}", view.position, view.target, camera.up)
+    _check_between(where, keys, camera.up)
     if not 0 < camera.fov_y_tan < 1e3:
         raise InputError(f"{where}: `fov_y_tan` must be greater than 0 and less than 1000, not {camera.fov_y_tan:g}")
     return camera, tuple(keys)
 
 
+def _check_between(where: str, keys: Sequence[Keyframe], up: np.ndarray) -> None:
+    """No frame between two keyframes may have a view that they may not have."""
+    for begin, end in pairwise(keys):
+        first, last = (_aside(key.position, key.target, up) for key in (begin, end))
+        change = last - first
+        # What points aside moves on a straight line; where it comes nearest to nothing a frame may hit that.
+        share = -float((first * change).sum()) / max(float((change * change).sum()), SMALLEST)
+        nearest = math.floor(begin.frame + min(max(share, 0), 1) * (end.frame - begin.frame))
+        for frame in {nearest, nearest + 1} & set(range(begin.frame + 1, end.frame)):
+            step = segment([begin.frame, end.frame], frame)[2]
+            position = begin.position + step * (end.position - begin.position)
+            target = begin.target + step * (end.target - begin.target)
+            _check_view(f"{where}, frame {frame}", position, target, up)
+
+
+def _aside(position: np.ndarray, target: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """What points to the right in a view, (3,) float64 of any length."""
+    forward, upward = target.astype(np.float64) - position, up.astype(np.float64)
+    return forward[[1, 2, 0]] * upward[[2, 0, 1]] - forward[[2, 0, 1]] * upward[[1, 2, 0]]
+
+
 def _check_view(where: str, position: np.ndarray, target: np.ndarray, up: np.ndarray) -> None:
-    f, u = (target.astype(np.float64) - position).tolist(), up.astype(np.float64).tolist()
-    side = [f[1] * u[2] - f[2] * u[1], f[2] * u[0] - f[0] * u[2], f[0] * u[1] - f[1] * u[0]]
-    if side == [0, 0, 0]:
+    if not _aside(position, target, up).any():
         raise InputError(f"{where}: position and target must differ, and `up` must not point along the view")

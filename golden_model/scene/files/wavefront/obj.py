@@ -185,7 +185,8 @@ def _corner(where: str, word: str, vertices: int, normals: int, coordinates: int
         given = [whole(parts[0]), *(whole(part) if part else None for part in parts[1:]), None, None]
         vertex, texture, normal = (number or 0 for number in given[:3])
     except ValueError:
-        raise InputError(f"{where}: {word!r} is not a corner of a face; the file may be damaged or cut off") from None
+        shown = word[:LONGEST_WORD]
+        raise InputError(f"{where}: {shown!r} is not a corner of a face; the file may be damaged or cut off") from None
     absent = vertex == 0 or 0 in given or vertex < -vertices or normal < -normals or texture < -coordinates
     if absent or max(vertex, normal, texture) > MOST:
         raise InputError(f"{where}: a face names a vertex, normal or `vt` that does not exist; numbers begin with 1")

@@ -41,7 +41,7 @@ def test_by_hand(tmp_path: Path) -> None:
     assert found[:, 0].tolist() == [7 / 256] * 2 + [7.0] * 7
 
 
-@pytest.mark.parametrize("line", ["PRIMARIES=.7 .3 .2 .7 .1 .1 .3 .3", "PIXASPECT=2"])
+@pytest.mark.parametrize("line", ["PRIMARIES=.7 .3 .2 .7 .1 .1 .3 .3", "PIXASPECT=2", "GAMMA=2.2"])
 def test_what_is_left_out_is_said(tmp_path: Path, line: str) -> None:
     path = tmp_path / "a.hdr"
     path.write_bytes(HEAD.replace(b"# of a test", line.encode()) + b"-Y 1 +X 1\n" + bytes([128, 64, 0, 129]))

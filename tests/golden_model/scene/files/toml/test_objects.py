@@ -52,6 +52,23 @@ def test_a_box_can_be_turned(tmp_path: Path) -> None:
     assert (outward(scene) > 0).all()
 
 
+@pytest.mark.parametrize("change", ["scale = 2", "scale = [1, 2, -3]", "rotate = [1, 0, 0.5, 0]\nscale = [1, 4, 1]"])
+def test_normals_of_a_file_go_with_the_mesh(tmp_path: Path, change: str) -> None:
+    """They stay at right angles to what lay in the surface that they are of, and look to where its front looks."""
+    normal, along = np.array([0, 0.6, 0.8]), np.array([[1, 0, 0], [0, 0.8, -0.6]])
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 .6 .8\nf 1//1 2//1 3//1\n")
+    mesh = f'[[mesh]]\nfile = "a.obj"\n{change}\n'
+    scene = scene_of(tmp_path, mesh)
+    tips = "".join("v {} {} {}\n".format(*point) for point in along)
+    (tmp_path / "a.obj").write_text(f"v 0 0 0\n{tips}f 1 2 3\n")
+    surface = scene_of(tmp_path, mesh).corners[0].astype(np.float64)
+    found = scene.normals[0].astype(np.float64)
+    assert np.abs(found @ (surface[1:] - surface[0]).T).max() < 1e-6
+    assert np.allclose(np.linalg.norm(found, axis=1), 1)
+    flat = area_vectors(surface[None].astype(np.float32))[0]
+    assert (found @ flat > 0).all(), normal
+
+
 def test_a_sphere_is_round_closed_and_smooth(tmp_path: Path) -> None:
     scene = scene_of(tmp_path, SPHERE)
     away = scene.corners.astype(np.float64) - [1, 2, 3]

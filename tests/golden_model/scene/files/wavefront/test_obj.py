@@ -342,6 +342,7 @@ def test_a_terminal_obeys_no_name(tmp_path: Path) -> None:
         ("f 1 2 \\\n", "line 7: a face needs three or more corners"),
         ("f 1/2/3/x 2 y", "line 6: '1/2/3/x' is not a corner of a face"),
         ("f 1 2 y", "line 6: 'y' is not a corner of a face"),
+        ("f 1 2 " + "9" * 5000, "line 6: '99999999999999999999' is not a corner of a face"),
         ("vt 0 0\nf 1/00 2 3", "line 7: a face names a vertex, normal or `vt` that does not exist"),
         ("vt", "line 6: `vt` needs one or two numbers"),
     ],
