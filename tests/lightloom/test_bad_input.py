@@ -137,7 +137,7 @@ def test_no_light(cli: Run, tmp_path: Path) -> None:
         (["--size", "9000x2", "--supersample", "2"], ["--size 9000x2", "8192"]),
         (["--supersample", "0"], ["--supersample 0"]),
         (["--directions", "20"], ["directions 20", "power of two"]),
-        (["--light-samples", "0"], ["--light-samples 0: must be 1 or more"]),
+        (["--light-samples", "0"], ["--light-samples 0: must be 1 to 4096"]),
         (["--directions", "4097"], ["--directions 4097: must be 1 to 4096"]),
         (["--exposure", "0"], ["--exposure 0"]),
         (["--exposure", "nan"], ["--exposure nan"]),
