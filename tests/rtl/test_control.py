@@ -45,6 +45,7 @@ class Surroundings:
         self.leaving: list[int] = []  # contexts of rays that are finished
         self.offered = -1  # the visit whose result is offered
         self.finished = self.most = 0
+        self.log: list[tuple[int, ...]] = []  # every visit and every ray that is finished, in their order
 
     def under_way(self, context: int) -> int:
         return sum(visit[0] == context for visit in [*self.nodes, *self.leaves])
@@ -103,6 +104,7 @@ class Surroundings:
                 visit: Any = (ctx.get(payload.context), ctx.get(payload.address))
                 assert visit[0] in self.visits, f"{where}: a visit of no ray"
                 visits.append((*visit, ctx.get(payload.rank)) if visits is self.nodes else visit)
+                self.log.append(visits[-1])
                 self.most = max(self.most, self.under_way(visit[0]))
                 moved = True
         if ctx.get(dut.finished.valid) and ctx.get(dut.finished.ready):
@@ -112,6 +114,7 @@ class Surroundings:
             assert ctx.get(dut.finished.payload.failed) == self.failed.pop(context, False), where
             del self.visits[context]
             self.leaving.append(context)
+            self.log.append((context,))
             self.finished += 1
             moved = True
         assert self.most <= self.overlap, f"{where}: {self.most} visits of a ray under way"
@@ -120,12 +123,22 @@ class Surroundings:
 
 @pytest.mark.parametrize("overlap", [1, 2, 3])
 def test_every_ray_is_finished_once(overlap: int) -> None:
+    assert finish_all(overlap).most == overlap, "fewer visits at a time than there may be"
+
+
+def test_no_visit_at_a_time_stands_for_one() -> None:
+    assert finish_all(0).log == finish_all(1).log, f"seed {SEED}"
+
+
+def finish_all(asked: int) -> Surroundings:
+    """What has become of all rays, with `overlap` as it is asked for."""
     dut, simulation = compiled()
+    overlap = max(asked, 1)
     around = Surroundings(dut, overlap)
     rng = around.rng
 
     async def testbench(ctx: Any) -> None:
-        ctx.set(dut.overlap, overlap)
+        ctx.set(dut.overlap, asked)
         ctx.set(dut.levels, 2)
         ctx.set(dut.root, 1)
         ctx.set(dut.time_read.time, (1 << TIME_BITS) - 1)  # nothing is beyond the best hit
@@ -154,9 +167,9 @@ def test_every_ray_is_finished_once(overlap: int) -> None:
             await ctx.tick()
             held = bool(around.visits or around.leaving)
             assert ctx.get(dut.idle) == (not held), f"seed {SEED}, overlap {overlap}: idle, and a context holds a ray"
-        assert around.most == overlap, "fewer visits at a time than there may be"
 
     simulation.run(testbench)
+    return around
 
 
 @pytest.mark.parametrize(
