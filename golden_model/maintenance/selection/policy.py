@@ -20,6 +20,9 @@ SHARE = 256
 REACH = 8
 """Texels at most from one whose values decide on another's class: the regions around a texel's own hold all of them."""
 
+MOST_RECORDS = 80
+"""Influence records of a frame, with those that footprints make: at most one a ray."""
+
 INFLUENCES = ("off", "volumes", "footprints")
 """How changes reach the maps: not, by volumes of influence ([0079] to [0082]), by rays that spread ([0083])."""
 
@@ -133,7 +136,9 @@ class Policy:
     )
     shadows: bool = flag(True, "Texels between which and a light something has moved are influenced too.")
     footprint_spread: float = number(0.5, 2.0**-6, 4.0, "Radius of a ray's footprint over its length.")
-    footprint_rays: int = number(64, 0, 1024, "Rays for footprints a frame, at most.")
+    footprint_rays: int = number(
+        64, 0, MOST_RECORDS, f"Rays for footprints a frame, at most; with `influence_records` at most {MOST_RECORDS}."
+    )
     heavy_level: int = number(2, 1, 4, "Change levels from this one on make new samples weigh more, 4: none.")
     heavy_updates: int = number(6, 0, 7, "The number of updates that do.")
     lower: bool = flag(
@@ -206,6 +211,11 @@ class Policy:
         if self.dilation + self.guard + self.rings > REACH:
             raise InputError(
                 f"policy dilation {self.dilation}, guard {self.guard} and rings {self.rings}: together at most {REACH}"
+            )
+        if self.influence == "footprints" and self.influence_records + self.footprint_rays > MOST_RECORDS:
+            raise InputError(
+                f"policy influence_records {self.influence_records} and footprint_rays {self.footprint_rays}: "
+                f"together at most {MOST_RECORDS}"
             )
         if self.sweep + self.probe > SHARE:
             raise InputError(f"policy sweep {self.sweep} and probe {self.probe}: together at most {SHARE}")

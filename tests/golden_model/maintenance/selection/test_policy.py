@@ -37,6 +37,10 @@ def test_numbers_out_of_range_are_refused_by_name(name: str) -> None:
         ({"spread_bins": (5, 5, 9)}, "spread_bins"),
         ({"influence": "none"}, "influence none: must be one of off, volumes, footprints"),
         ({"sweep": 200, "probe": 57}, "together at most 256"),
+        (
+            {"influence": "footprints", "influence_records": 17},
+            "influence_records 17 and footprint_rays 64: together at most 80",
+        ),
         ({"dilation": 3, "guard": 3, "rings": 3}, "together at most 8"),
         ({"invalidate": True, "heavy_updates": 0}, "heavy_updates"),
         ({"visibility_rays": 2.5}, "visibility_rays 2.5: must be whole, 0 to 65535"),
