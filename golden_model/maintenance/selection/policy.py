@@ -89,7 +89,9 @@ class Policy:
         "bin after widening; 0: they stay.",
     )
     by_region: bool = flag(
-        False, "A region of 8 x 8 texels has one bin, the highest of its texels'; else every texel has its own."
+        False,
+        "A region of 8 x 8 texels has one bin, the highest of its texels', and contrast is that within it; else every "
+        "texel has its own.",
     )
     dilation: int = number(
         1, 0, 7, "High bins reach so many texels further: a map that is wrong is wrong towards more sampling."
@@ -208,9 +210,11 @@ class Policy:
                 raise InputError(f"policy {name} {getattr(self, name)}: the thresholds must rise")
         if self.invalidate and not self.heavy_updates:
             raise InputError("policy invalidate: heavy_updates must be 1 or more, the first one drops the old value")
-        if self.dilation + self.guard + self.rings > REACH:
+        # Contrast looks one texel further, but not out of a region that has one bin.
+        most = REACH - (self.within_map and not self.by_region)
+        if self.dilation + self.guard + self.rings > most:
             raise InputError(
-                f"policy dilation {self.dilation}, guard {self.guard} and rings {self.rings}: together at most {REACH}"
+                f"policy dilation {self.dilation}, guard {self.guard} and rings {self.rings}: together at most {most}"
             )
         if self.influence == "footprints" and self.influence_records + self.footprint_rays > MOST_RECORDS:
             raise InputError(

@@ -32,16 +32,20 @@ def luminance(values: np.ndarray) -> np.ndarray:
 
 
 @quiet
-def contrast_bins(values: np.ndarray, windows: Windows, thresholds: tuple[int, ...]) -> np.ndarray:
+def contrast_bins(
+    values: np.ndarray, windows: Windows, thresholds: tuple[int, ...], region: np.ndarray | None = None
+) -> np.ndarray:
     """How many of the thresholds, in 1/256, the contrast of irradiance (N, 3) to its neighbours exceeds: (N,) uint8.
 
     The contrast of two texels is the difference of their luminances over the larger one: no division is needed. Of
-    the four neighbours the one with the highest counts.
+    the four neighbours the one with the highest counts; of a `region` (N,) its own texels alone.
     """
     bright = np.append(luminance(values), np.float32(0))
     bins = np.zeros(len(bright), dtype=np.uint8)
     for first, second in ((windows.left, windows.right), (windows.up, windows.down)):
         here = np.flatnonzero(second < len(values))
+        if region is not None:
+            here = here[region[here] == region[second[here]]]
         one, two = bright[here], bright[second[here]]
         gap = flush(np.abs(flush(one - two)) * np.float32(256))
         larger = float_minmax(one, two, True)
@@ -63,6 +67,7 @@ class Variability:
         self.scale = ONE
         """Factor of all thresholds, in 1/ONE, LEAST to MOST: a register."""
         regions = regions_of(lightmaps)
+        self._region = regions.of_texel if policy.by_region else None
         self.by_region = regions.by_region()
         """The texels as they lie in memory, (N,) int64."""
         begins = np.diff(regions.of_texel[self.by_region], prepend=-1) != 0
@@ -90,7 +95,7 @@ class Variability:
                     found += state[name] >= threshold
                 bins = np.maximum(bins, found)
         if policy.within_map and values is not None:
-            bins = np.maximum(bins, contrast_bins(values, self.windows, used(policy.contrast_bins)))
+            bins = np.maximum(bins, contrast_bins(values, self.windows, used(policy.contrast_bins), self._region))
         if policy.variability_bits == 1:
             bins *= np.uint8(HIGH)
         bins[~valid] = 0
