@@ -13,6 +13,7 @@ from lightloom.golden_model.maintenance.publishing.regions import regions_of
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import SHARE, Policy
 from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
+from lightloom.golden_model.numerics.sample_spread import luminance
 from lightloom.golden_model.scene.lightmap import Lightmaps
 
 HIGH = 3
@@ -22,13 +23,6 @@ ONE = 16
 """The scale at which the policy's thresholds count as they are."""
 LEAST, MOST = ONE // 4, ONE * 16
 """Bounds of the scale."""
-
-
-@quiet
-def luminance(values: np.ndarray) -> np.ndarray:
-    """RGB (N, 3) float32 to (N,): (R + B) / 4 + G / 2, so without a multiplier."""
-    outer = flush(flush(values[:, 0] + values[:, 2]) * np.float32(0.25))
-    return flush(outer + flush(values[:, 1] * np.float32(0.5)))
 
 
 @quiet

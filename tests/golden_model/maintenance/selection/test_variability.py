@@ -9,7 +9,7 @@ import pytest
 from lightloom.golden_model.contract.formats import TEXEL_STATE
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import Policy
-from lightloom.golden_model.maintenance.selection.variability import HIGH, Variability, contrast_bins, luminance
+from lightloom.golden_model.maintenance.selection.variability import HIGH, Variability, contrast_bins
 from tests.golden_model.maintenance.publishing.test_publisher import maps_of
 
 NARROW = replace(
@@ -72,7 +72,6 @@ def test_contrast_is_relative_and_black_has_none() -> None:
     assert (contrast_bins(values * np.float32(1024), windows, (16, 40, 96)) == bins).all()
     assert set(bins.tolist()) >= {1, 2, 3}
     assert not contrast_bins(values * 0, windows, (16, 40, 96)).any()
-    assert luminance(np.array([[1, 2, 3]], dtype=np.float32)).tolist() == [2.0]
 
 
 def test_regions_take_the_highest_bin() -> None:
