@@ -115,7 +115,7 @@ class Smoother:
         field.light[first], field.noise[first] = light, noise
         field.luminance[first] = _luminance(light)
         light, _ = self._pass(field, field.luminance, field.noise, texel, STEPS[1])
-        return to_half(light)
+        return (light.astype(np.float64) * 2.0**-VALUE_BITS).astype(np.float32)
 
     def _field(self, value: np.ndarray, state: np.ndarray, texel: np.ndarray) -> "_Field":
         """What the passes look at, at texels (M,); elsewhere there is nothing of meaning."""
