@@ -14,7 +14,14 @@ import numpy as np
 from lightloom.golden_model.charts.sample_points import ChartedTriangles, other_points
 from lightloom.golden_model.contract.formats import RAY, TRIANGLE
 from lightloom.golden_model.numerics.directions import cosine_table, to_world
-from lightloom.golden_model.scene.lightmap import BURIED, VALID, Lightmaps, lightmap_coordinates, row_and_column
+from lightloom.golden_model.scene.lightmap import (
+    BURIED,
+    SIDE_LEVELS,
+    VALID,
+    Lightmaps,
+    lightmap_coordinates,
+    row_and_column,
+)
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.bvh import traversal
 from lightloom.golden_model.tracing.bvh.build import build
@@ -159,9 +166,10 @@ def hemisphere_rays(texels: np.ndarray, local: np.ndarray) -> np.ndarray:
 
 
 def nearest_valid(lightmaps: Lightmaps, state: np.ndarray) -> np.ndarray:
-    """For every texel (N,) the nearest valid one, (N,) int32, -1 if its map has none.
+    """For every texel (N,) the nearest valid one, (N,) int32, -1 if that lies too far or its map has none.
 
     A texel of a chart takes one of the same chart if there is any; one outside all charts takes the nearest of its map.
+    It lies in the region of 8 x 8 texels (`publishing.regions`) that the texel lies in or in one of the eight around.
     """
     fill = np.full(len(state), -1, dtype=np.int32)
     for base, width, height in zip(lightmaps.offset, lightmaps.width, lightmaps.height, strict=True):
@@ -170,7 +178,10 @@ def nearest_valid(lightmaps: Lightmaps, state: np.ndarray) -> np.ndarray:
         chart = lightmaps.chart[part].reshape(height, width)
         inside = _spread(np.where(valid, np.arange(valid.size).reshape(valid.shape), -1), chart)
         anywhere = _spread(inside, None)
-        fill[part] = np.where(anywhere >= 0, anywhere + int(base), -1).reshape(-1)
+        row, column = np.indices(anywhere.shape) >> SIDE_LEVELS
+        up, left = np.divmod(anywhere, width)
+        apart = np.maximum(np.abs((up >> SIDE_LEVELS) - row), np.abs((left >> SIDE_LEVELS) - column))
+        fill[part] = np.where((anywhere >= 0) & (apart <= 1), anywhere + int(base), -1).reshape(-1)
     return fill
 
 

@@ -82,6 +82,6 @@ def _with_shown(lightmaps: Lightmaps, links: np.ndarray, steps: tuple[tuple[int,
         near = a == b
         for side, stride in steps:
             near |= (b == a + stride[a]) & ((links[a] & side) > 0)
-        inside = there & (lightmaps.fill >= 0) & ~(own & own[other])
+        inside = there & (lightmaps.fill >= 0) & (lightmaps.fill[other] >= 0) & ~(own & own[other])
         made[inside & near] |= bit
     return made

@@ -336,11 +336,12 @@ PIXEL = np.dtype([("depth", F4), ("normal", F2, (3,)), ("lod", I2), ("reserved",
 
 # --- lightmap maintenance -----------------------------------------------------------------------------------------
 # The maintained texel, 22 bytes in hardware: irradiance RGB; the frame of the last update, modulo FRAMES; `number`, the
-# updates it has had, modulo 4096: it selects the run of the sequences; `count`, the samples that the running average is
-# worth, in 16ths: it stops at 4095 and is 0 where nothing is known; `heavy`, how many updates still to come weigh more
-# after a change; `noticed`, the last sample departed from the average by more than is usual. In 1/256ths and up to
-# 4095: `deviation`, the running mean of |sample - average| over the average; `spread`, the standard error of the last
-# sample over itself; `bias`, with its sign, the running mean of (sample - average) over the average.
+# updates it has had, after 4095 from 2048 on again: it selects the run of the sequences, and 0 says that there was
+# none; `count`, the samples that the running average is worth, in 16ths: it stops at 4095 and is 0 where nothing is
+# known; `heavy`, how many updates still to come weigh more after a change; `noticed`, the last sample departed from the
+# average by more than is usual. In 1/256ths and up to 4095: `deviation`, the running mean of |sample - average| over
+# the average; `spread`, the standard error of the last sample over itself; `bias`, with its sign, the running mean of
+# (sample - average) over the average.
 FRAMES = 4096
 """The frames of updates are numbered modulo FRAMES."""
 TEXEL_STATE = np.dtype(

@@ -35,10 +35,11 @@ def departures(
     """
     old, new = (float_to_fixed(luminance(values), fraction).astype(np.int64) >> _SHIFT for values in (before, sample))
     difference = new - old
-    averages, departed, squares = np.zeros((3, maps), dtype=np.int64)
+    averages, departed = np.zeros((2, maps), dtype=np.int64)
+    # Python's integers: a map has up to 2**25 texels, and 46 bits more are 71; the squares of sums need 96.
+    squares = np.zeros(maps, dtype=object)
     for sums, values in ((averages, old), (departed, difference), (squares, difference * difference)):
-        np.add.at(sums, owner, values)
+        np.add.at(sums, owner, values.astype(sums.dtype))
     large = np.abs(departed) << 8 > averages * least
-    # Python's integers: the squares of sums need 96 bits.
-    beyond = [int(d) ** 2 > certainty * certainty * int(q) for d, q in zip(departed, squares, strict=True)]
+    beyond = [int(d) ** 2 > certainty * certainty * q for d, q in zip(departed, squares, strict=True)]
     return np.where(large & np.array(beyond, dtype=bool), np.sign(departed), 0).astype(np.int8)

@@ -7,7 +7,7 @@ same bits in whatever order they are added, and below 2**64 between two levels a
 
 import numpy as np
 
-from lightloom.golden_model.numerics.floats import float_to_fixed, flush, quiet
+from lightloom.golden_model.numerics.floats import float_to_fixed, float_to_half, flush, half_to_float, quiet
 
 PLACE_BITS = 8
 """Of a place between two texels, after the point: a bilinear read has weights of twice as many."""
@@ -42,6 +42,14 @@ def corners_of(column: list[np.ndarray], row: list[np.ndarray], base: np.ndarray
 def in_fixed(values: np.ndarray) -> np.ndarray:
     """Float32 (...) that binary16 holds as whole numbers of 2**-VALUE_BITS: (...) int64."""
     return (values.astype(np.float64) * 2.0**VALUE_BITS).astype(np.int64)
+
+
+def to_half(total: np.ndarray, bits: int = 0) -> np.ndarray:
+    """Whole numbers (...) int64 in 2**-(VALUE_BITS + bits) as binary16 holds them: (...) float32.
+
+    Rounded twice, to nearest even: to float32, and then to binary16, as the number units do it.
+    """
+    return half_to_float(float_to_half(_rounded(total, bits)))
 
 
 def weighted(values: np.ndarray, texel: np.ndarray, weight: np.ndarray) -> np.ndarray:

@@ -22,6 +22,12 @@ EMPTY, VALID, BURIED = 0, 1, 2
 RIGHT, DOWN = 1, 2
 """Bits of a texel's links: to the next one of its row, and to the one below."""
 
+SIDE_LEVELS = 3
+"""Levels inside a region, what is published at once: 4 x 4, 2 x 2 and 1 x 1 texels."""
+
+SIDE = 1 << SIDE_LEVELS
+"""Texels of level 0 along a region's side."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Lightmaps:
@@ -40,7 +46,8 @@ class Lightmaps:
     chart: np.ndarray
     """Chart of each texel, (N,) int32, numbered through all maps; -1 outside all charts."""
     fill: np.ndarray
-    """Texel whose value is shown at each texel, (N,) int32: a valid one (itself if it is), -1 if its map has none."""
+    """Texel whose value is shown at each texel, (N,) int32: a valid one (itself if it is) of its region of 8 x 8 texels
+    or of one of the eight around it; -1 if they have none that it may show: 0 is shown there."""
     back_rows: np.ndarray | None = None
     """Rows from the texels of fronts to those of backs, (O,) int32; 0 where backs have none. None: nowhere."""
     deepest: np.ndarray | None = None

@@ -53,7 +53,7 @@ CONSTANTS = (
     *("maintenance.sampling.gather", "maintenance.sampling.running_average", "maintenance.sampling.settings"),
     *("maintenance.sampling.texel_rays", "maintenance.selection.classes", "maintenance.selection.policy"),
     *("maintenance.selection.tracking", "maintenance.selection.variability", "maintenance.selection.influence.reach"),
-    *("maintenance.selection.influence.volumes", "maintenance.publishing.regions", "maintenance.publishing.filling"),
+    *("maintenance.selection.influence.volumes", "maintenance.publishing.filling"),
     *("maintenance.publishing.smoothing", "maintenance.publishing.mipmaps", "maintenance.publishing.flip_chain"),
 )
 """Modules whose constants are part of the arithmetic."""

@@ -217,7 +217,7 @@ PASSES: list[tuple[str, str, list[Step]]] = [
             (
                 "maintenance.drift.departures",
                 "Sums over the samples of a map and frame, in 24 bits: does it depart to one side by more than chance?",
-                "down to 24 bits, then exact; the comparison has 80 bits",
+                "down to 24 bits, then exact: the sums have up to 71 bits, the comparison 96",
             ),
         ],
     ),
@@ -237,7 +237,7 @@ PASSES: list[tuple[str, str, list[Step]]] = [
                 "maintenance.publishing.filling.Filler.fill",
                 "Of a map with texels without a sample: means of cells of a side, level by level, then reads between "
                 "cells. A side that knows nothing keeps what it knew, or shows the mean of the others.",
-                "whole numbers of 2^-24: means and reads down, then once to binary16",
+                "whole numbers of 2^-24: means and reads down, then to float32 and to binary16",
             ),
             (
                 "maintenance.publishing.smoothing.Smoother.smoothed",

@@ -198,7 +198,7 @@ def lightmap_figures(lightmaps: Lightmaps, state: np.ndarray) -> dict[str, Any]:
     """Counts of maps and texels, and how often the valid texels have been updated."""
     assert state.dtype == TEXEL_STATE
     states = np.bincount(lightmaps.texels["state"], minlength=3)
-    updates = state["number"][lightmaps.texels["state"] == VALID]  # modulo 4096
+    updates = state["number"][lightmaps.texels["state"] == VALID]  # at most 4095
     return {
         "maps": len(lightmaps.width),
         "charts": int(lightmaps.chart.max()) + 1,

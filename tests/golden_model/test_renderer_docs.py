@@ -7,12 +7,12 @@ import pytest
 
 from lightloom.golden_model.contract import bitpack, formats
 from lightloom.golden_model.frame.rasterizer import Rasterization
-from lightloom.golden_model.maintenance.publishing.regions import SIDE, SIDE_LEVELS
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.selection.classes import class_table
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.numerics.directions import COUNT, ROTATIONS
 from lightloom.golden_model.rays.collector import Packing
+from lightloom.golden_model.scene.lightmap import SIDE, SIDE_LEVELS
 from tests import ROOT
 
 AMOUNT = re.compile(r"(?:(\d[\d,]*) )?`([A-Z_]+)(?:\.(\w+))?`|(\d[\d,]*) (float32|bits?)")

@@ -6,7 +6,7 @@ unknown is read bilinearly from the coarser cells of its side, which were filled
 region's, and there are a sixteenth as many as texels.
 
 Values are whole numbers in 2**-24, as every binary16 number is. Sums are exact, so their order does not matter; means
-and reads are rounded down, and what a texel shows of them to the nearest binary16 number.
+and reads are rounded down, and what a texel shows of them to float32 and then to binary16, to nearest even.
 """
 
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightloom.golden_model.numerics.floats import LARGEST_HALF, float_minmax, float_to_half, half_to_float, quiet
-from lightloom.golden_model.scene.filters import VALUE_BITS, in_fixed
+from lightloom.golden_model.scene.filters import in_fixed, to_half
 from lightloom.golden_model.scene.lightmap import Lightmaps, part_of
 from lightloom.golden_model.scene.sides import sides_of
 
@@ -61,7 +61,7 @@ class Filler:
         lost = ~stack[-1][1][side] & once[texel]
         kept = lost | known[texel]
         out = np.where(known[:, None], values, np.float32(0))
-        out[texel] = np.where(kept[:, None], values[texel], _shown(filled))
+        out[texel] = np.where(kept[:, None], values[texel], to_half(filled))
         return out
 
     def _table(self, number: int) -> tuple[np.ndarray, np.ndarray, list[_Level]]:
@@ -122,11 +122,6 @@ def _toward(within: np.ndarray, step: int) -> tuple[np.ndarray, np.ndarray]:
 def in_half(value: np.ndarray) -> np.ndarray:
     """Irradiance (M, 3) as binary16 holds it, float32."""
     return half_to_float(float_to_half(float_minmax(value, LARGEST_HALF)))
-
-
-def _shown(fixed: np.ndarray) -> np.ndarray:
-    """The nearest binary16 number, float32."""
-    return half_to_float((fixed.astype(np.float64) * 2.0**-VALUE_BITS).astype(np.float16))
 
 
 def _pulled(level: _Level, value: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

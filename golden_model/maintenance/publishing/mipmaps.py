@@ -11,8 +11,9 @@ texels, and the levels above the regions nothing but the regions' last levels.
 
 import numpy as np
 
-from lightloom.golden_model.maintenance.publishing.regions import SIDE_LEVELS, Regions, place_of
+from lightloom.golden_model.maintenance.publishing.regions import Regions, place_of
 from lightloom.golden_model.numerics.floats import float_to_half, flush, half_to_float, quiet
+from lightloom.golden_model.scene.lightmap import SIDE_LEVELS
 
 CHILDREN = ((0, 0), (0, 1), (1, 0), (1, 1))
 """(row, column) of the four texels below one, in the order in which they are added."""

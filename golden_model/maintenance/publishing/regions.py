@@ -2,20 +2,14 @@
 
 A map of w x h texels has ceil(w / 8) x ceil(h / 8) regions, numbered row by row, map after map; those at its right and
 lower border may be cut off. A region shows the texels that `fill` names for its own, so a texel at a chart's border is
-shown in every region that repeats it.
+shown in every region that repeats it: in its own, and in those of the eight around that one that eight bits name.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from lightloom.golden_model.scene.lightmap import Levels, Lightmaps, levels_of
-
-SIDE_LEVELS = 3
-"""Levels inside a region: 4 x 4, 2 x 2 and 1 x 1 texels."""
-
-SIDE = 1 << SIDE_LEVELS
-"""Texels of level 0 along a region's side."""
+from lightloom.golden_model.scene.lightmap import SIDE, SIDE_LEVELS, Levels, Lightmaps, levels_of
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,7 +28,7 @@ from lightloom.golden_model.maintenance.sampling.confidence import STALE
 from lightloom.golden_model.numerics.floats import fixed64_to_float, float_divide, float_to_half, half_to_float
 from lightloom.golden_model.numerics.logarithm import half_octaves
 from lightloom.golden_model.numerics.vectors import dot
-from lightloom.golden_model.scene.filters import VALUE_BITS, in_fixed
+from lightloom.golden_model.scene.filters import VALUE_BITS, in_fixed, to_half
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, joined, steps_of
 
 STEPS = (1, 2)
@@ -181,8 +181,7 @@ class _Field:
 
 def _in_half(total: np.ndarray) -> np.ndarray:
     """Sums of light times weights, rounded to float32 and then to binary16, as light in 2**-24 again: int64."""
-    half = float_to_half(total.astype(np.float32) * np.float32(2.0 ** -(VALUE_BITS + WEIGHT_BITS)))
-    return in_fixed(half_to_float(half))
+    return in_fixed(to_half(total, WEIGHT_BITS))
 
 
 def mass_of(state: np.ndarray) -> np.ndarray:

@@ -18,7 +18,8 @@ from lightloom.golden_model.maintenance.sampling.texel_blend import texel_blend
 
 ALPHA_MIN, ALPHA_HEAVY = np.float32(0.10), np.float32(0.5)
 NUMBERS = 4096
-"""The updates of a texel are numbered modulo NUMBERS."""
+"""The updates of a texel are numbered from 0 to NUMBERS - 1, then from the middle on again: 0 says that there was none,
+and the runs of the sequences, a power of two of them, go on in their order."""
 HEAVY_MAX = 7
 """The most updates that can be marked to weigh more."""
 
@@ -60,7 +61,7 @@ def blend_texels(
     for name in TEXEL_BLENDED.names or ():
         before[name] = result[name]
     before["frame"] = frame % FRAMES
-    before["number"] = (before["number"] + 1) % NUMBERS
+    before["number"] = np.where(before["number"] < NUMBERS - 1, before["number"] + 1, NUMBERS // 2)
     state[texel] = before
 
 

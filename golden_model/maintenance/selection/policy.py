@@ -20,6 +20,9 @@ SHARE = 256
 REACH = 8
 """Texels at most from one whose values decide on another's class: the regions around a texel's own hold all of them."""
 
+MOST_RECORDS = 80
+"""Influence records of a frame, with those that footprints make: at most one a ray."""
+
 INFLUENCES = ("off", "volumes", "footprints")
 """How changes reach the maps: not, by volumes of influence ([0079] to [0082]), by rays that spread ([0083])."""
 
@@ -86,7 +89,9 @@ class Policy:
         "bin after widening; 0: they stay.",
     )
     by_region: bool = flag(
-        False, "A region of 8 x 8 texels has one bin, the highest of its texels'; else every texel has its own."
+        False,
+        "A region of 8 x 8 texels has one bin, the highest of its texels', and contrast is that within it; else every "
+        "texel has its own.",
     )
     dilation: int = number(
         1, 0, 7, "High bins reach so many texels further: a map that is wrong is wrong towards more sampling."
@@ -133,7 +138,9 @@ class Policy:
     )
     shadows: bool = flag(True, "Texels between which and a light something has moved are influenced too.")
     footprint_spread: float = number(0.5, 2.0**-6, 4.0, "Radius of a ray's footprint over its length.")
-    footprint_rays: int = number(64, 0, 1024, "Rays for footprints a frame, at most.")
+    footprint_rays: int = number(
+        64, 0, MOST_RECORDS, f"Rays for footprints a frame, at most; with `influence_records` at most {MOST_RECORDS}."
+    )
     heavy_level: int = number(2, 1, 4, "Change levels from this one on make new samples weigh more, 4: none.")
     heavy_updates: int = number(6, 0, 7, "The number of updates that do.")
     lower: bool = flag(
@@ -203,9 +210,16 @@ class Policy:
                 raise InputError(f"policy {name} {getattr(self, name)}: the thresholds must rise")
         if self.invalidate and not self.heavy_updates:
             raise InputError("policy invalidate: heavy_updates must be 1 or more, the first one drops the old value")
-        if self.dilation + self.guard + self.rings > REACH:
+        # Contrast looks one texel further, but not out of a region that has one bin.
+        most = REACH - (self.within_map and not self.by_region)
+        if self.dilation + self.guard + self.rings > most:
             raise InputError(
-                f"policy dilation {self.dilation}, guard {self.guard} and rings {self.rings}: together at most {REACH}"
+                f"policy dilation {self.dilation}, guard {self.guard} and rings {self.rings}: together at most {most}"
+            )
+        if self.influence == "footprints" and self.influence_records + self.footprint_rays > MOST_RECORDS:
+            raise InputError(
+                f"policy influence_records {self.influence_records} and footprint_rays {self.footprint_rays}: "
+                f"together at most {MOST_RECORDS}"
             )
         if self.sweep + self.probe > SHARE:
             raise InputError(f"policy sweep {self.sweep} and probe {self.probe}: together at most {SHARE}")

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightloom.golden_model.contract.formats import COUNT_MAX, LIKELY, SEEN
-from lightloom.golden_model.maintenance.publishing.regions import SIDE_LEVELS
 from lightloom.golden_model.maintenance.sampling.running_average import drop
 from lightloom.golden_model.maintenance.selection.classes import Share, class_table, classes_of, needs, quotas
 from lightloom.golden_model.maintenance.selection.influence.changes import table_of
@@ -25,7 +24,7 @@ from lightloom.golden_model.maintenance.selection.screen_test import ScreenTest,
 from lightloom.golden_model.maintenance.selection.tracking import most_worth
 from lightloom.golden_model.maintenance.selection.variability import Variability
 from lightloom.golden_model.maintenance.selection.visibility import Visibility
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, row_and_column
+from lightloom.golden_model.scene.lightmap import SIDE_LEVELS, VALID, Lightmaps, row_and_column
 from lightloom.golden_model.scene.pinhole import View
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.trace_protocol import Trace

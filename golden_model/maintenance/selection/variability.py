@@ -13,6 +13,7 @@ from lightloom.golden_model.maintenance.publishing.regions import regions_of
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import SHARE, Policy
 from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
+from lightloom.golden_model.numerics.sample_spread import luminance
 from lightloom.golden_model.scene.lightmap import Lightmaps
 
 HIGH = 3
@@ -25,22 +26,20 @@ LEAST, MOST = ONE // 4, ONE * 16
 
 
 @quiet
-def luminance(values: np.ndarray) -> np.ndarray:
-    """RGB (N, 3) float32 to (N,): (R + B) / 4 + G / 2, so without a multiplier."""
-    outer = flush(flush(values[:, 0] + values[:, 2]) * np.float32(0.25))
-    return flush(outer + flush(values[:, 1] * np.float32(0.5)))
-
-
-@quiet
-def contrast_bins(values: np.ndarray, windows: Windows, thresholds: tuple[int, ...]) -> np.ndarray:
+def contrast_bins(
+    values: np.ndarray, windows: Windows, thresholds: tuple[int, ...], region: np.ndarray | None = None
+) -> np.ndarray:
     """How many of the thresholds, in 1/256, the contrast of irradiance (N, 3) to its neighbours exceeds: (N,) uint8.
 
     The contrast of two texels is the difference of their luminances over the larger one: no division is needed. Of
-    the four neighbours the one with the highest counts.
+    the four neighbours the one with the highest counts; of a `region` (N,) its own texels alone.
     """
     bright = luminance(values)
     bins = np.zeros(len(bright), dtype=np.uint8)
     for pair in windows.pairs:
+        if region is not None:
+            inside = region[pair[0]] == region[pair[1]]
+            pair = pair[0][inside], pair[1][inside]
         one, two = (bright[texel] for texel in pair)
         gap = flush(np.abs(flush(one - two)) * np.float32(256))
         larger = float_minmax(one, two, True)
@@ -63,6 +62,7 @@ class Variability:
         self.scale = ONE
         """Factor of all thresholds, in 1/ONE, LEAST to MOST: a register."""
         regions = regions_of(lightmaps)
+        self._region = regions.of_texel if policy.by_region else None
         self.by_region = regions.by_region()
         """The texels as they lie in memory, (N,) int64."""
         begins = np.diff(regions.of_texel[self.by_region], prepend=-1) != 0
@@ -90,7 +90,7 @@ class Variability:
                     found += state[name] >= threshold
                 bins = np.maximum(bins, found)
         if policy.within_map and values is not None:
-            bins = np.maximum(bins, contrast_bins(values, self.windows, used(policy.contrast_bins)))
+            bins = np.maximum(bins, contrast_bins(values, self.windows, used(policy.contrast_bins), self._region))
         if policy.variability_bits == 1:
             bins *= np.uint8(HIGH)
         bins[~valid] = 0

@@ -1,6 +1,7 @@
 """Lightmaps: charts, texel records, buried texels, and what reads between texels meet."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -12,8 +13,11 @@ from lightloom.golden_model.charts import curved
 from lightloom.golden_model.charts.planar import GAP, pack
 from lightloom.golden_model.charts.texels import texel_records
 from lightloom.golden_model.charts.unwrap import object_charts, unwrap
+from lightloom.golden_model.contract.formats import TEXEL_STATE
 from lightloom.golden_model.host.errors import InputError
+from lightloom.golden_model.maintenance.publishing.publisher import Publisher
 from lightloom.golden_model.numerics.vectors import interpolate
+from lightloom.golden_model.rays.surface_shading import readable
 from lightloom.golden_model.scene.assemble import assemble
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.scene.flat_pieces import planar_pieces
@@ -26,6 +30,8 @@ from lightloom.golden_model.scene.lightmap import (
     bilinear_taps,
     filled,
     lightmap_coordinates,
+    row_and_column,
+    sample,
 )
 from lightloom.golden_model.scene.mesh import area_vectors
 from lightloom.golden_model.scene.parts import Part
@@ -210,9 +216,10 @@ def test_fill_names_the_nearest_valid_texel(cornell: tuple[Scene, Lightmaps]) ->
     state, fill, chart = lightmaps.texels["state"], lightmaps.fill, lightmaps.chart
     own = np.arange(len(fill))
     assert (fill[state == VALID] == own[state == VALID]).all()
-    assert (state[fill] == VALID).all(), "every map has valid texels here"
-    assert (lightmaps.texels["object"][fill] == lightmaps.texels["object"]).all()
-    buried = np.flatnonzero(state == BURIED)
+    there = fill >= 0
+    assert (state[fill[there]] == VALID).all()
+    assert (lightmaps.texels["object"][fill[there]] == lightmaps.texels["object"][there]).all()
+    buried = np.flatnonzero((state == BURIED) & there)
     assert len(buried) > 500
     assert (chart[fill[buried]] == chart[buried]).all()
     # Nearest: compared with all valid texels of the chart, by distance in texels.
@@ -224,6 +231,13 @@ def test_fill_names_the_nearest_valid_texel(cornell: tuple[Scene, Lightmaps]) ->
         mine = np.hypot(column[fill[index]] - column[index], row[fill[index]] - row[index])
         # The spreading looks at eight neighbours at a time, so it may be a little off the true nearest.
         assert mine <= nearest + 0.5
+    # Of its region or of one of the eight around; whoever has none has the nearest farther away.
+    apart = np.maximum(abs(row[fill] // 8 - row // 8), abs(column[fill] // 8 - column // 8))
+    assert (apart[there] <= 1).all()
+    assert 0 < (~there).sum() < 1000
+    for index in np.flatnonzero(~there)[::50]:
+        same = np.flatnonzero((state == VALID) & (number == number[index]))
+        assert np.maximum(abs(column[same] - column[index]), abs(row[same] - row[index])).min() > 7
 
 
 def test_no_read_sees_a_texel_without_a_value(cornell: tuple[Scene, Lightmaps]) -> None:
@@ -234,6 +248,26 @@ def test_no_read_sees_a_texel_without_a_value(cornell: tuple[Scene, Lightmaps]) 
     uv = lightmap_coordinates(lightmaps, primitive, u, v)
     read = bilinear(lightmaps, shown, scene.object_id[primitive], uv)
     assert np.abs(read - 1).max() < 1e-6
+
+
+def test_no_level_that_may_be_read_mixes_in_texels_that_show_nothing(cornell: tuple[Scene, Lightmaps]) -> None:
+    """All samples are 1; coarse texels beside those without `fill` are darker: `deepest` keeps reads away."""
+    _, lightmaps = cornell
+    state = np.zeros(len(lightmaps.texels), dtype=TEXEL_STATE)
+    state["irradiance"], state["count"] = 1, 1
+    values = readable(Publisher(lightmaps).everything(state))
+    number = np.flatnonzero(lightmaps.fill >= 0)
+    owner = lightmaps.texels["object"][number]
+    place = np.stack(row_and_column(lightmaps, number)[::-1], axis=1).astype(np.float32) + np.float32(0.5)
+    assert lightmaps.deepest is not None
+    free = replace(lightmaps, deepest=np.full(len(state), 9, dtype=np.uint8))
+    darker = []
+    for level in range(1, 8):
+        lod = np.full(len(number), level * 256)
+        found, mixed = (sample(maps, values, owner, place, lod) for maps in (lightmaps, free))
+        assert (found[lightmaps.deepest[number] > 0] == 1).all(), level
+        darker.append(int((mixed < 1).sum()))
+    assert max(darker) > 0, "else there is nothing to show"
 
 
 def test_the_inside_of_an_open_pot_is_not_buried() -> None:

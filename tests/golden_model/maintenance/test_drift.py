@@ -118,6 +118,15 @@ def test_widths_of_the_sums_of_65536_glaring_samples() -> None:
     assert not departs(after, before, 256, 15), "not more than all light can go"
 
 
+def test_sums_of_a_quarter_million_glaring_samples_do_not_overflow() -> None:
+    """Of 2**18 samples 2 k more become glaring than dark, and with k <= 2**9 that may be chance; 64 bits would wrap."""
+    count = 1 << 18
+    for more, beyond in ((300, False), (512, False), (513, True), (-512, False), (-513, True)):
+        before = np.zeros(count, dtype=np.int64)
+        before[count // 2 + more :] = 2**23
+        assert departs(before, 2**23 - before, 1, 2) == beyond, more
+
+
 def test_two_frames_to_the_same_side_make_a_drift(monkeypatch: pytest.MonkeyPatch) -> None:
     """Departures frame by frame, by a script; samples are heavy in the frame after two that are equal and not 0."""
     sides = [1, -1, -1, 0, 1, 1, 1, -1]

@@ -59,8 +59,16 @@ def test_a_map_of_one_side_is_filled_as_a_whole_image(size: tuple[int, int]) -> 
         found = filler.fill(0, values, known, never)
         fixed = (np.minimum(values, 65504).astype(np.float16).astype(np.float64) * 2**24).astype(np.int64)
         wanted = pull_push(fixed.reshape(height, width, 3), known.reshape(height, width)).reshape(-1, 3)
-        wanted = (wanted / 2.0**24).astype(np.float16).astype(np.float32)
+        wanted = (wanted / 2.0**24).astype(np.float32).astype(np.float16).astype(np.float32)
         assert (found == np.where(known[:, None], values, wanted)).all(), share
+
+
+def test_what_is_filled_is_rounded_to_float32_and_then_to_binary16() -> None:
+    """The mean is 2**-12 above the middle of 32768 and 32800: float32 has the middle, binary16 the even one of them."""
+    values, known = np.zeros((16, 3), dtype=np.float32), np.arange(16) < 4
+    values[known] = np.array([65504, 65504, 128, 2**-10])[:, None]
+    found = Filler(maps_of([(4, 4)])).fill(0, values, known, np.zeros_like(known))
+    assert (found[~known] == 32768).all()
 
 
 def test_what_is_filled_depends_on_its_own_side_alone() -> None:

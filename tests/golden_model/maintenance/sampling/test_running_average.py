@@ -123,8 +123,10 @@ def test_light_that_goes_off_and_on_comes_back(alpha: float, reflected: float, r
     assert short > (0.01 if alpha < 0.1 or reflected else 0.003), short
 
 
-def test_updates_are_numbered_modulo_4096_and_counted_up_to_255_and_15_sixteenths() -> None:
-    """So the runs of directions go on for ever; with the count as the number they would stop at one of them."""
+def test_updates_are_numbered_for_ever_and_counted_up_to_255_and_15_sixteenths() -> None:
+    """So the runs of directions go on for ever; with the count as the number they would stop at one of them.
+
+    The run after the last number's is the one that 0 would have had; but 0 stands for no update at all."""
     state, texel = np.zeros(1, dtype=TEXEL_STATE), np.zeros(1, dtype=np.int64)
     state["number"], state["count"] = 4090, 250 * 16
     numbers, counts = [], []
@@ -132,13 +134,13 @@ def test_updates_are_numbered_modulo_4096_and_counted_up_to_255_and_15_sixteenth
         numbers.append(int(state["number"][0]))
         counts.append(int(state["count"][0]))
         blend_texels(state, texel, sums_of(np.ones((1, 3), dtype=np.float32)), FRACTION, Blending(), 0)
-    assert numbers == [4090, 4091, 4092, 4093, 4094, 4095, 0, 1, 2, 3]
+    assert numbers == [4090, 4091, 4092, 4093, 4094, 4095, 2048, 2049, 2050, 2051]
     assert counts == [4000, 4016, 4032, 4048, 4064, 4080, 4095, 4095, 4095, 4095]
     drop(state, texel)
-    assert (state["count"], state["number"]) == (0, 4)
+    assert (state["count"], state["number"]) == (0, 2052)
     blend_texels(state, texel, sums_of(np.full((1, 3), 9, dtype=np.float32)), FRACTION, Blending(), 0)
     assert state["irradiance"].tolist() == [[9, 9, 9]]
-    assert (state["count"], state["number"]) == (16, 5)
+    assert (state["count"], state["number"]) == (16, 2053)
 
 
 def test_a_change_is_noticed_and_noise_is_not() -> None:

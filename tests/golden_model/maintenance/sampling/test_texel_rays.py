@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.contract.formats import TEXEL
+from lightloom.golden_model.maintenance.sampling.running_average import NUMBERS
 from lightloom.golden_model.maintenance.sampling.texel_rays import (
     Update,
     indirect_rays,
@@ -60,6 +61,14 @@ def test_successive_updates_run_through_the_whole_table() -> None:
     assert together.mean() == pytest.approx(2 / 3, abs=1e-5)
     assert (together**2).mean() == pytest.approx(1 / 2, abs=1e-4)
     assert len({c.tobytes() for c in cosine}) == runs
+
+
+@pytest.mark.parametrize("directions", [2, 16, 64])
+def test_the_number_after_the_last_takes_the_run_that_comes_next(directions: int) -> None:
+    """Numbers begin again from the middle, which is a whole number of rounds of the table."""
+    after, begun = (indirect_rays(updates(20, number), directions) for number in (NUMBERS // 2, 0))
+    assert (after == begun).all()
+    assert NUMBERS == COUNT
 
 
 def test_neighbours_and_seeds_turn_differently() -> None:

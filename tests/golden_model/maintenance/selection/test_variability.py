@@ -9,7 +9,7 @@ import pytest
 from lightloom.golden_model.contract.formats import TEXEL_STATE
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import Policy
-from lightloom.golden_model.maintenance.selection.variability import HIGH, Variability, contrast_bins, luminance
+from lightloom.golden_model.maintenance.selection.variability import HIGH, Variability, contrast_bins
 from tests.golden_model.maintenance.publishing.test_publisher import maps_of
 
 NARROW = replace(
@@ -72,7 +72,6 @@ def test_contrast_is_relative_and_black_has_none() -> None:
     assert (contrast_bins(values * np.float32(1024), windows, (16, 40, 96)) == bins).all()
     assert set(bins.tolist()) >= {1, 2, 3}
     assert not contrast_bins(values * 0, windows, (16, 40, 96)).any()
-    assert luminance(np.array([[1, 2, 3]], dtype=np.float32)).tolist() == [2.0]
 
 
 def test_regions_take_the_highest_bin() -> None:
@@ -85,6 +84,26 @@ def test_regions_take_the_highest_bin() -> None:
     bins = variability(replace(NARROW, by_region=True)).look(state, flat(), valid)
     assert bins[20 * 8 + 16] == 0
     assert (bins > 0).sum() == 15
+
+
+def test_a_region_and_the_eight_around_it_hold_all_that_matters_to_it() -> None:
+    """As far as the policy lets windows reach, contrast at their ends; one texel differs at a time."""
+    maps = maps_of([(56, 56)])
+    row, column = np.divmod(np.arange(56 * 56), 56)
+    rng = np.random.default_rng(8)
+    for wide, rings in ((False, 2), (True, 3)):
+        policy = replace(NARROW, dilation=3, guard=2, rings=rings, by_region=wide)
+        reached = 0
+        for texel in 56 * rng.integers(24, 32, 20) + rng.integers(24, 32, 20):
+            values = np.ones((56 * 56, 3), dtype=np.float32)
+            state = np.zeros(len(values), dtype=TEXEL_STATE)
+            values[texel] = 2
+            bins = Variability(maps, Windows(maps), policy).look(state, values, np.ones(len(values), dtype=bool))
+            apart = np.maximum(abs(row // 8 - texel // 56 // 8), abs(column // 8 - texel % 56 // 8))
+            assert not bins[apart > 1].any(), (wide, texel)
+            away = np.maximum(abs(row - texel // 56), abs(column - texel % 56))
+            reached = max(reached, int(away[bins > 0].max()))
+        assert reached >= 8, "as far as that"
 
 
 def square(bins: np.ndarray, value: int) -> tuple[int, int]:
@@ -144,7 +163,7 @@ def test_where_the_map_changes_the_guard_is_wider_for_that_frame() -> None:
 def test_nothing_is_widened_over_the_border_of_a_chart() -> None:
     maps = maps_of([(20, 12), (3, 3)])
     maps.chart[:240].reshape(12, 20)[:, 10:] = 5
-    measured = Variability(maps, Windows(maps), replace(Policy(variability_bits=2), dilation=3, guard=2, rings=3))
+    measured = Variability(maps, Windows(maps), replace(Policy(variability_bits=2), dilation=3, guard=2, rings=2))
     bins = measured.look(state_with("spread", 4095, 20 * 6 + 9), None, VALID)
     image = bins[:240].reshape(12, 20)
     assert (image[:, 9] > 0).all()
