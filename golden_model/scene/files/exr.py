@@ -15,7 +15,7 @@ from lightloom.golden_model.scene.files.remarks import Remarks
 USUAL = (0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329)
 """Chromaticities that a file without them has, of Rec. 709; others are taken for these."""
 CLOSE = 1e-3
-"""Digits of theirs that programs write."""
+"""Programs write them rounded to three or four digits: what differs by less is the same."""
 
 
 def read_exr(path: Path) -> np.ndarray:

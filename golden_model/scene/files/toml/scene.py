@@ -20,6 +20,7 @@ from lightloom.golden_model.scene.files.toml.paths import key_frame, light_path
 from lightloom.golden_model.scene.files.toml.surroundings import direction, environment
 from lightloom.golden_model.scene.files.toml.tables import Table
 from lightloom.golden_model.scene.keyframes import LightPath, segment
+from lightloom.golden_model.scene.mesh import cross, dot
 from lightloom.golden_model.scene.pinhole import LARGEST_SIDE
 from lightloom.golden_model.scene.scene import Camera, Keyframe, RenderDefaults, Scene
 
@@ -153,9 +154,11 @@ def _check_between(where: str, keys: Sequence[Keyframe], up: np.ndarray) -> None
         first, last = (_aside(key.position, key.target, up) for key in (begin, end))
         change = last - first
         # What points aside moves on a straight line; where it comes nearest to nothing a frame may hit that.
-        share = -float((first * change).sum()) / max(float((change * change).sum()), SMALLEST)
+        share = -float(dot(first, change)) / max(float(dot(change, change)), SMALLEST)
         nearest = math.floor(begin.frame + min(max(share, 0), 1) * (end.frame - begin.frame))
-        for frame in {nearest, nearest + 1} & set(range(begin.frame + 1, end.frame)):
+        for frame in (nearest, nearest + 1):
+            if not begin.frame < frame < end.frame:
+                continue
             step = segment([begin.frame, end.frame], frame)[2]
             position = begin.position + step * (end.position - begin.position)
             target = begin.target + step * (end.target - begin.target)
@@ -164,8 +167,7 @@ def _check_between(where: str, keys: Sequence[Keyframe], up: np.ndarray) -> None
 
 def _aside(position: np.ndarray, target: np.ndarray, up: np.ndarray) -> np.ndarray:
     """What points to the right in a view, (3,) float64 of any length."""
-    forward, upward = target.astype(np.float64) - position, up.astype(np.float64)
-    return forward[[1, 2, 0]] * upward[[2, 0, 1]] - forward[[2, 0, 1]] * upward[[1, 2, 0]]
+    return cross(target.astype(np.float64) - position, up.astype(np.float64))
 
 
 def _check_view(where: str, position: np.ndarray, target: np.ndarray, up: np.ndarray) -> None:

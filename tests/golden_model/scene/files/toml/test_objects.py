@@ -64,7 +64,7 @@ def test_normals_of_a_file_go_with_the_mesh(tmp_path: Path, change: str) -> None
     surface = scene_of(tmp_path, mesh).corners[0].astype(np.float64)
     found = scene.normals[0].astype(np.float64)
     assert np.abs(found @ (surface[1:] - surface[0]).T).max() < 1e-6
-    assert np.allclose(np.linalg.norm(found, axis=1), 1)
+    assert np.abs(np.linalg.norm(found, axis=1) - 1).max() < 1e-6  # each component is rounded to float32
     flat = area_vectors(surface[None].astype(np.float32))[0]
     assert (found @ flat > 0).all(), normal
 
