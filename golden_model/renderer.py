@@ -218,18 +218,19 @@ class Renderer:
         each time anew from what the round before has published: one more bounce of light a round, until what is missing
         is too little to matter. Without this the texels of the first frames would hold less light than those sampled
         later, the lattice would be seen, and the averages would need a hundred updates to make up for it. Then the
-        rounds go on to the texels that follow, and round all of them until that changes their light no more: what
-        lights a scene is often small, or seen by nobody, and a coarse lattice knows little of it.
+        rounds go on to the texels that follow, and sample all of them anew, again and again, until that changes their
+        light no more: what lights a scene is often small, or seen by nobody, and a coarse lattice knows little of it.
+        From then on samples are averaged, up to `Sampling.primed` a texel: frames would flicker with the noise of one.
         """
         published = self.publisher.everything(self.state)
         totals: list[int] = []
         sweeps: list[int] = []
         valid = self.maintainer.present(self._world(scene, published))
-        first = 0
+        first, resting = 0, 0
         for _ in range(self.sampling.priming):
             world = self._world(scene, published)
             collector, clock = self._collector(scene), Stopwatch()
-            prime = self.maintainer.prime(world, first, self.budget, collector, clock)
+            prime = self.maintainer.prime(world, first, not resting, self.budget, collector, clock)
             (primed,) = run_together(collector, clock, prime)
             published = self.publisher.everything(self.state)
             self.priming_rays += primed.rays
@@ -240,7 +241,8 @@ class Renderer:
             first += len(primed.texels)
             if first // max(len(valid), 1) > len(sweeps):
                 sweeps.append(brightness_of(self.state["irradiance"][valid], self.fraction))
-                if at_rest(sweeps, len(valid)):
+                resting += bool(resting or at_rest(sweeps, len(valid)))
+                if resting == self.sampling.primed:
                     break
         return published
 

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL_STATE
+from lightloom.golden_model.contract.formats import TEXEL_STATE
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.maintenance.drift import departures
 from lightloom.golden_model.maintenance.kernels import Kernels
@@ -24,9 +24,6 @@ from lightloom.golden_model.rays.waves import Waves
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.scene.sides import firsts_first, sides_of
-
-PRIMED = ONE_SAMPLE
-"""What all earlier sweeps before the first frame count for: the last one's samples weigh a half."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,22 +90,23 @@ class Maintainer:
         self._departures = np.zeros((2, self._maps), dtype=np.int8)
         """To which side the samples of each map departed from their averages, in the last two frames."""
 
-    def prime(self, world: World, first: int, budget: int, collector: Collector, clock: Stopwatch) -> Waves[Primed]:
+    def prime(
+        self, world: World, first: int, anew: bool, budget: int, collector: Collector, clock: Stopwatch
+    ) -> Waves[Primed]:
         """One round before the first frame: the texels from place `first` of the order on, as many as a frame pays for.
 
         First comes one of each side, because no other shows what it finds (`filling`), then the others; of those that
         are there in `world`. After the last comes the first again, so `first` may be any number.
 
-        The first time round they are sampled anew: what earlier rounds found of them is dropped. Rounds from place 0 on
-        all take the same rays, so that their light can be compared. From then on they are averaged, and all that
-        came before is worth `PRIMED`: it misses bounces of light that have come since.
+        `anew` they lose what earlier rounds found of them, which lacks bounces of light that have come since; else it
+        is averaged. Rounds from place 0 on all take the same rays, so that their light can be compared.
         """
         if first == 0:
             self.state["number"] = 0
         order = firsts_first(self._side, self.present(world))
         waiting = np.roll(order, -(first % max(len(order), 1)))[: budget // self.sampling.directions]
-        forget = partial(drop, self.state, but=0 if first < len(order) else PRIMED)
-        spent = yield from self._spend(world, waiting, budget, 0, collector, clock, forget)
+        prepare = partial(drop, self.state) if anew else _keep
+        spent = yield from self._spend(world, waiting, budget, 0, collector, clock, prepare)
         return Primed(texels=waiting[: spent.updated], rays=spent.rays.total(), clipped=spent.clipped)
 
     def present(self, world: World) -> np.ndarray:
@@ -215,3 +213,7 @@ class Maintainer:
         with clock("blend"):
             blend_texels(self.state, texel, gathered.sums, gathered.fraction, self.sampling.blending, frame)
         return gathered
+
+
+def _keep(texel: np.ndarray) -> None:
+    """What is known of texels (M,) about to be sampled stays as it is."""

@@ -61,7 +61,7 @@ HOST = {
     *("prediction", "prediction_known", "influence", "influence_least", "influence_shiny"),
     *("influence_hiding", "influence_ahead", "influence_slack", "influence_records", "influence_memory", "shadows"),
     *("footprint_spread", "footprint_rays"),
-    *("together", "lights", "priming"),
+    *("together", "lights", "priming", "primed"),
     *(f"{name}_points" for name in ("degree", "change", "hidden_change", "variability", "need", "hidden_need", "lod")),
 }
 """Parameters that the host alone reads: records, views and tables that it makes follow from them."""

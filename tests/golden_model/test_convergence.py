@@ -9,7 +9,6 @@ import pytest
 import trimesh
 
 from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL
-from lightloom.golden_model.maintenance.maintainer import PRIMED
 from lightloom.golden_model.maintenance.sampling.accumulate import accumulate, fraction_bits
 from lightloom.golden_model.maintenance.sampling.accumulate import irradiance as from_fixed
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
@@ -219,13 +218,13 @@ def test_nothing_drifts_over_500_frames() -> None:
     stratified against each other, so their average lies below the prediction (a third of it, when this was written).
     """
     scene = bright_ceiling(0.6)
-    singles = []
+    singles, count = [], Sampling().primed
     for seed in range(16):
         maps = renderer(scene, seed)
         primed = held(maps)
-        assert (maps.state["count"][valid(maps)] == PRIMED + ONE_SAMPLE).all()
+        assert (maps.state["count"][valid(maps)] == count * ONE_SAMPLE).all()
         maps.frame()
-        singles.append(3 * held(maps) - 2 * primed)  # the last of what is worth three samples
+        singles.append((count + 1) * held(maps) - count * primed)  # the sample that came last
     independent = np.array(singles)[..., 1]
     variance, truth = independent.var(axis=0, ddof=1).mean(), independent.mean()
 

@@ -65,12 +65,9 @@ def blend_texels(
     state[texel] = before
 
 
-def drop(state: np.ndarray, texel: np.ndarray, but: int = 0) -> None:
-    """Forgets what is known of the texels (M,) of `state` but so many 16ths of a sample, in place.
-
-    Of nothing, the next sample is taken as it is ([0077]).
-    """
-    state["count"][texel] = np.minimum(state["count"][texel], but)
+def drop(state: np.ndarray, texel: np.ndarray) -> None:
+    """Forgets what is known of the texels (M,) of `state`, in place: the next sample is taken as it is ([0077])."""
+    state["count"][texel] = 0
 
 
 def mark_heavy(state: np.ndarray, texel: np.ndarray, updates: int) -> None:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+from lightloom.golden_model.contract.formats import COUNT_MAX, ONE_SAMPLE
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.parameters import check, choice, flag, number
 from lightloom.golden_model.maintenance.sampling.running_average import Blending
@@ -39,8 +40,9 @@ class Sampling:
     blending: Blending = field(default_factory=Blending)
     """How it weighs against the old value."""
     priming: int = number(
-        64, 0, None, "Rounds before the first frame at most, each within one frame's budget; see `Renderer`."
+        256, 0, None, "Rounds before the first frame at most, each within one frame's budget; see `Renderer`."
     )
+    primed: int = number(6, 1, COUNT_MAX // ONE_SAMPLE, "Samples of each texel that they average at most.")
 
     def __post_init__(self) -> None:
         check(self, "sampling")

@@ -157,7 +157,7 @@ class Policy:
     drift_least: int = number(
         3, 1, 256, "Part of its light by which a map's samples of a frame must depart from its averages, in 1/256 …"
     )
-    drift_certainty: int = number(2, 1, 15, "… and how many times more than by chance.")
+    drift_certainty: int = number(3, 1, 15, "… and how many times more than by chance.")
     invalidate: bool = flag(False, "The first of these updates drops the old value instead (claim 14).")
 
     # --- how a frame's updates are shared out ---

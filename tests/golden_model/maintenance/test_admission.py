@@ -66,7 +66,9 @@ def test_rounds_from_the_first_texel_take_the_same_rays(tmp_path: Path) -> None:
     found = []
     for first in (0, 0, 7):
         collector = renderer._collector(renderer.scene)
-        (done,) = run_together(collector, Stopwatch(), maintainer.prime(world, first, 600, collector, Stopwatch()))
+        (done,) = run_together(
+            collector, Stopwatch(), maintainer.prime(world, first, True, 600, collector, Stopwatch())
+        )
         found.append((done.texels.tolist(), renderer.state["irradiance"][done.texels].tolist()))
     assert found[0] == found[1]
     again = [texel for texel in found[2][0] if texel in found[0][0]]
@@ -75,27 +77,26 @@ def test_rounds_from_the_first_texel_take_the_same_rays(tmp_path: Path) -> None:
     assert any(light[0][texel] != light[2][texel] for texel in again), "later rounds sample anew"
 
 
-def test_sweeps_before_the_first_frame_are_averaged(tmp_path: Path) -> None:
-    """The first time round all samples are taken as they are; after that each is averaged with what was there."""
+def test_rounds_average_or_sample_anew(tmp_path: Path) -> None:
+    """Before the first frame, texels lose what was found of them until the light is at rest; then they are averaged."""
     scene = room(tmp_path, 5, specular=False)
     renderer = Renderer(scene, budget=600, sampling=Sampling(directions=4, light_samples=2, priming=0), **SIZE)
     maintainer, world = renderer.maintainer, renderer._world(renderer.scene, renderer.published)
     texels = len(maintainer.present(world))
 
-    def sampled(first: int, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def sampled(first: int, anew: bool, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The texels of a round, and what they are after it."""
         renderer.state[:] = before
         collector = renderer._collector(renderer.scene)
-        (done,) = run_together(collector, Stopwatch(), maintainer.prime(world, first, 600, collector, Stopwatch()))
+        (done,) = run_together(
+            collector, Stopwatch(), maintainer.prime(world, first, anew, 600, collector, Stopwatch())
+        )
         return done.texels, renderer.state[done.texels]
 
-    nothing = renderer.state.copy()
-    found, _ = sampled(0, nothing)
+    found, _ = sampled(0, True, renderer.state.copy())
     before = renderer.state.copy()
-    unknown = before.copy()
-    unknown["count"] = 0
-    again, samples = sampled(texels, unknown)
-    both, averages = sampled(texels, before)
+    again, samples = sampled(texels, True, before)
+    both, averages = sampled(texels, False, before)
     assert found.tolist() == again.tolist() == both.tolist()
     old = before["irradiance"][both]
     assert (averages["irradiance"] == old + np.float32(0.5) * (samples["irradiance"] - old)).all()
