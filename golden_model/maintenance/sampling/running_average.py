@@ -16,7 +16,7 @@ from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.parameters import check, number
 from lightloom.golden_model.maintenance.sampling.texel_blend import texel_blend
 
-ALPHA_MIN, ALPHA_HEAVY = np.float32(0.10), np.float32(0.5)
+ALPHA_MIN, ALPHA_HEAVY = np.float32(1 / 32), np.float32(0.5)
 NUMBERS = 4096
 """The updates of a texel are numbered from 0 to NUMBERS - 1, then from the middle on again: 0 says that there was none,
 and the runs of the sequences, a power of two of them, go on in their order."""
@@ -28,7 +28,7 @@ HEAVY_MAX = 7
 class Blending:
     """How a new sample weighs against the average, and when it counts as a sign of change."""
 
-    alpha_min: np.float32 = number(ALPHA_MIN, 0.0, 1.0, "Smallest weight of a new sample.")
+    alpha_min: np.float32 = number(ALPHA_MIN, 0.0, 1.0, "Smallest weight of a new sample; [0076] names 0.10.")
     alpha_heavy: np.float32 = number(ALPHA_HEAVY, 0.0, 1.0, "Smallest weight while the texel is marked `heavy`.")
     notice_factor: int = number(
         64, 0, 255, "A sample is noticed if it departs by more than notice_factor / 16 times the usual deviation …"
