@@ -213,7 +213,7 @@ def test_light_that_goes_off_and_on_comes_back() -> None:
 def test_nothing_drifts_over_500_frames() -> None:
     """The error keeps to the noise that the average's weight predicts, and the mean stays.
 
-    A running average of independent samples of variance s has the variance s * a / (2 - a), a its weight of 0.1. s is
+    A running average of independent samples of variance s has the variance s * a / (2 - a), a its least weight. s is
     measured from renders with other seeds: one sample each, the first after priming. Successive updates of a texel are
     stratified against each other, so their average lies below the prediction (a third of it, when this was written).
     """
@@ -234,7 +234,8 @@ def test_nothing_drifts_over_500_frames() -> None:
     for row in history:
         maps.frame()
         row[:] = held(maps)[:, 1]
-    predicted = variance * 0.1 / 1.9
+    weight = float(maps.sampling.blending.alpha_min)
+    predicted = variance * weight / (2 - weight)
     for begin in (50, 200, 350):
         span = history[begin : begin + 150]
         error = ((span - history[50:].mean(axis=0)) ** 2).mean()

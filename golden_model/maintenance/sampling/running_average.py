@@ -6,6 +6,7 @@ import numpy as np
 
 from lightloom.golden_model.contract.formats import (
     FRAMES,
+    ONE_SAMPLE,
     RELATIVE_MAX,
     SAMPLE_SUMS,
     TEXEL_BLEND,
@@ -16,12 +17,15 @@ from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.parameters import check, number
 from lightloom.golden_model.maintenance.sampling.texel_blend import texel_blend
 
-ALPHA_MIN, ALPHA_HEAVY = np.float32(1 / 32), np.float32(0.5)
+ALPHA_MIN, ALPHA_HEAVY = np.float32(1 / 16), np.float32(0.5)
 NUMBERS = 4096
 """The updates of a texel are numbered from 0 to NUMBERS - 1, then from the middle on again: 0 says that there was none,
 and the runs of the sequences, a power of two of them, go on in their order."""
 HEAVY_MAX = 7
 """The most updates that can be marked to weigh more."""
+HEAVY_WORTH = 2 * ONE_SAMPLE
+"""What an average is worth at most before a sample that weighs more: it comes to hold the last few alone, and those
+that follow have to weigh as much beside it as beside any average of few."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +54,7 @@ def blend_texels(
     assert state.dtype == TEXEL_STATE
     operands = np.zeros(len(texel), dtype=TEXEL_BLEND)
     before = state[texel]
+    before["count"] = np.where(before["heavy"] > 0, np.minimum(before["count"], HEAVY_WORTH), before["count"])
     for name in ("irradiance", "count", "heavy", "deviation", "bias"):
         operands[name] = before[name]
     for name in SAMPLE_SUMS.names or ():

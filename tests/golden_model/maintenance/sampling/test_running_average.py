@@ -92,6 +92,20 @@ def test_a_step_is_followed_within_22_updates_and_within_6_when_heavy() -> None:
         assert state["heavy"] == 0
 
 
+def test_an_average_is_worth_two_samples_at_most_before_one_that_is_heavy() -> None:
+    """Those after it weigh as they do beside an average of three; without it a twenty-second."""
+    for heavy, weights in ((1, (1 / 2, 1 / 4, 1 / 5)), (0, (1 / 21, 1 / 22, 1 / 23))):
+        state, texel = np.zeros(1, dtype=TEXEL_STATE), np.zeros(1, dtype=np.int64)
+        state["count"], state["heavy"], state["irradiance"] = 20 * ONE_SAMPLE, heavy, 1
+        missing = 1.0
+        for weight in weights:
+            sample = np.full((1, 3), 2, dtype=np.float32)
+            blend_texels(state, texel, sums_of(sample), FRACTION, Blending(alpha_min=np.float32(0)), 0)
+            missing *= 1 - weight
+            assert state["irradiance"][0] == pytest.approx([2 - missing] * 3, rel=1e-5)
+        assert state["count"][0] == (5 if heavy else 23) * ONE_SAMPLE
+
+
 class HalfFloatAverage:
     """The naive accumulator: the average is kept in binary16."""
 
