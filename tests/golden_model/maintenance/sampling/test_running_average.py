@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lightloom.golden_model.contract.formats import TEXEL_BLEND, TEXEL_STATE
+from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL_BLEND, TEXEL_STATE
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.parameters import parameters
 from lightloom.golden_model.maintenance.sampling.accumulate import accumulate, fraction_bits, irradiance
@@ -18,6 +18,9 @@ from lightloom.golden_model.numerics.floats import float_to_fixed
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
 from tests import ROOT
 from tests.golden_model.maintenance.sample_sums import FRACTION, sums_of
+
+PATENT = Blending(alpha_min=np.float32(0.10))
+"""What samples weigh at least by [0076]; by default they weigh less."""
 
 
 def rounded(value: Fraction) -> np.float32:
@@ -66,27 +69,30 @@ def test_weight_is_the_mean_first_and_then_the_floor() -> None:
     texel = np.zeros(1, dtype=np.int64)
     samples = np.random.default_rng(0).uniform(0, 9, (10, 1, 3)).astype(np.float32)
     for k, sample in enumerate(samples):
-        blend_texels(state, texel, sums_of(sample), FRACTION, Blending(), k)
+        blend_texels(state, texel, sums_of(sample), FRACTION, PATENT, k)
     assert state["irradiance"][0] == pytest.approx(samples.mean(axis=0)[0], rel=1e-6)
     before = state["irradiance"].copy()
-    blend_texels(state, texel, sums_of(before + np.float32(1)), FRACTION, Blending(), 70000)
+    blend_texels(state, texel, sums_of(before + np.float32(1)), FRACTION, PATENT, 70000)
     assert state["irradiance"] == pytest.approx(before + 0.1, rel=1e-6)
     assert state["count"][0] == 11 * 16
     assert state["frame"][0] == 70000 % 4096
 
 
 def test_a_step_is_followed_within_22_updates_and_within_6_when_heavy() -> None:
-    """Noise-free samples step from 1 to 3: what is left of the step is 0.9 a sample, or 0.5 while heavy, exactly."""
+    """Noise-free samples step from 1 to 3: what is left of the step is 0.9 a sample, or 0.5 while heavy, exactly.
+
+    After heavy ones samples weigh as beside an average of three, then of four and so on.
+    """
     for heavy, within in ((0, 22), (4, 6)):
         state, texel = np.zeros(1, dtype=TEXEL_STATE), np.zeros(1, dtype=np.int64)
         for _ in range(40):
-            blend_texels(state, texel, sums_of(np.ones((1, 3), dtype=np.float32)), FRACTION, Blending(), 0)
+            blend_texels(state, texel, sums_of(np.ones((1, 3), dtype=np.float32)), FRACTION, PATENT, 0)
         if heavy:
             mark_heavy(state, texel, heavy)
         left = 1.0
         for k in range(within):
-            blend_texels(state, texel, sums_of(np.full((1, 3), 3, dtype=np.float32)), FRACTION, Blending(), 0)
-            left *= 0.5 if k < heavy else 0.9
+            blend_texels(state, texel, sums_of(np.full((1, 3), 3, dtype=np.float32)), FRACTION, PATENT, 0)
+            left *= 0.5 if k < heavy else 1 - 1 / (4 + k - heavy) if heavy else 0.9
             assert state["irradiance"][0] == pytest.approx([3 - 2 * left] * 3, rel=1e-6)
         assert left <= 0.1
         assert state["heavy"] == 0
