@@ -135,6 +135,10 @@ def policies(options: PoliciesOptions) -> None:
       variability   among them those whose light varies
       influence     and those whose light becomes different
 
+    A policy's mechanisms are switched behind its name: influence-drift is without one, visibility+notice with one. They
+    are prediction, doubts, rim, lod, variability, dilation, guard, rings, notice, influence, shadows, heavy, lower,
+    track, drift, sweep and probe.
+
     \b
     In DIR, whole or not at all:
       index.html      the page: errors, charts, pictures, parameters; it needs no other file
@@ -153,6 +157,7 @@ def policies(options: PoliciesOptions) -> None:
       lightloom policies cornell-box
       lightloom policies scenes/bunny.toml --frames 24 --budget 40000 --size 480x320
       lightloom policies --suite --bars --out build/suite
+      lightloom policies room.toml --policies visibility,influence-heavy,influence
       lightloom policies room.toml --true --true-samples 2048
       lightloom policies room.toml --policies round-robin,influence --key-frames 11,12,20 --out build/room
     """
@@ -212,7 +217,8 @@ def _suite(options: PoliciesOptions) -> None:
     names = [choose(name, LAYOUTS, "layout") for name in (options.layouts or ",".join(LAYOUTS)).split(",")]
     own = RenderDefaults(frames=SUITE_FRAMES, size=(SUITE_SIZE[0], SUITE_SIZE[1]))
     comparison = _comparison(replace(options, scene="", names=options.names or ",".join(SUITE_POLICIES)), own)
-    command = f"lightloom policies --suite --layouts {','.join(names)} --seeds {options.seeds}"
+    compared = "" if options.names is None else f" --policies {options.names}"
+    command = f"lightloom policies --suite --layouts {','.join(names)} --seeds {options.seeds}{compared}"
     before = None if options.before is None else _suite_file(options.before)
     report = write_suite(cases(names, SEEDS[: options.seeds]), comparison, options.out, options.jobs, command, before)
     if options.json:
@@ -265,11 +271,11 @@ def _print_suite(report: dict[str, Any]) -> None:
 
 def _check(options: PoliciesOptions) -> None:
     """Raises InputError for what can be seen to be wrong without the scene."""
-    from lightloom.golden_model.maintenance.selection.policy import POLICIES
+    from lightloom.golden_model.maintenance.selection.policy import POLICIES, policy_of
     from lightloom.golden_model.tracing.bvh.traversal import BACKENDS
 
     for name in options.policies(POLICIES):
-        choose(name, POLICIES, "policy")
+        policy_of(name)
     if options.suite:
         for name in SCENE_ONLY:
             if getattr(options, name) is not None:

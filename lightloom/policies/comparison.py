@@ -10,7 +10,7 @@ from lightloom.gen.pages.policies_page import policies_page
 from lightloom.gen.pages.timeline import timeline
 from lightloom.golden_model.machine.cost_model import FrameCounts, Machine
 from lightloom.golden_model.machine.schedule import Schedule, schedule
-from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
+from lightloom.golden_model.maintenance.selection.policy import Policy, policy_of
 from lightloom.golden_model.renderer import FrameResult, Renderer
 from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.pose import scene_at
@@ -47,7 +47,7 @@ def compare(
     with progress.stage("First light", len(options.policies)) as advance:
         renderers: dict[str, Renderer] = {}
         for name in options.policies:
-            renderers[name] = _renderer(scene, lightmaps, options, POLICIES[name], renderers.values())
+            renderers[name] = _renderer(scene, lightmaps, options, policy_of(name), renderers.values())
             advance(1)
     judge = Judge(scene, lightmaps, options, folder, references)
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in options.policies}

@@ -9,7 +9,7 @@ import numpy as np
 
 from lightloom.golden_model.contract.formats import LIKELY
 from lightloom.golden_model.machine.schedule import Schedule
-from lightloom.golden_model.maintenance.selection.policy import POLICIES
+from lightloom.golden_model.maintenance.selection.policy import policy_of
 from lightloom.golden_model.renderer import FrameResult, Renderer
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.scene import Scene
@@ -116,14 +116,14 @@ def comparison_report(
                 "name": name,
                 "about": ABOUT.get(name, ""),
                 "before": before,
-                "changes": changed_parameters(POLICIES[name], POLICIES[before] if before else None),
+                "changes": changed_parameters(policy_of(name), policy_of(before) if before else None),
                 "summary": summaries[name]
                 | {"first_rays": renderers[name].priming_rays, "machine_seconds": machine_seconds(plans[name])},
                 "frames": rows[name],
             }
             for before, name in zip((None, *options.policies), options.policies, strict=False)
         ],
-        "parameters": parameters(POLICIES[options.full]),
+        "parameters": parameters(policy_of(options.full)),
         "error_scale": {"range": ERROR_RANGE, "floor": ERROR_FLOOR, "colours": error_legend()},
         "quantities": [_described(quantity) for quantity in QUANTITIES],
     }

@@ -84,13 +84,13 @@ class RenderOptions:
         """Raises InputError for what no scene can be rendered with."""
         from lightloom.golden_model.frame.rasterizer import MODES
         from lightloom.golden_model.maintenance.publishing.flip_chain import LONGEST
-        from lightloom.golden_model.maintenance.selection.policy import POLICIES
+        from lightloom.golden_model.maintenance.selection.policy import policy_of
         from lightloom.golden_model.tracing.bvh.structure import require_threads
         from lightloom.golden_model.tracing.bvh.traversal import BACKENDS
         from lightloom.render.policy_pictures import QUANTITIES
 
         choose(self.backend, BACKENDS, "backend")
-        choose(self.policy, POLICIES, "policy")
+        policy_of(self.policy)
         choose(self.surfaces, MODES, "mode of --surfaces")
         choose(self.direct, ("maps", "rays"), "value of --direct")
         for name in self.view or ():

@@ -10,7 +10,7 @@ from lightloom.golden_model.frame.rasterizer import Rasterization
 from lightloom.golden_model.machine.budget_controller import BudgetPolicy
 from lightloom.golden_model.machine.cost_model import Machine
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.maintenance.selection.policy import POLICIES
+from lightloom.golden_model.maintenance.selection.policy import policy_of
 from lightloom.golden_model.renderer import Pipeline, Renderer
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.scene.lightmap import Lightmaps
@@ -52,7 +52,7 @@ class Plan:
             budget=self.budget,
             seed=options.seed,
             sampling=self.sampling,
-            policy=POLICIES[options.policy],
+            policy=policy_of(options.policy),
             pipeline=Pipeline(
                 raster=Rasterization(mode=options.surfaces),
                 shading=FrameShading(direct=self.sampling.direct),

@@ -5,7 +5,9 @@
 default, those whose light changes ([0076] to [0083]).
 """
 
+import re
 from dataclasses import dataclass, replace
+from typing import Any
 
 from lightloom.golden_model.contract.formats import FRAMES
 from lightloom.golden_model.host.errors import InputError
@@ -238,8 +240,43 @@ POLICIES = {
 """Policies by name: each has all that the one before has, but the map of variability is that of "variability" alone."""
 
 
+MECHANISMS: dict[str, dict[str, Any]] = {
+    "prediction": {"prediction": 0},
+    "doubts": {"visibility_rays": 0},
+    "rim": {"near_seen": 0},
+    "lod": {"lod_levels": 0},
+    "variability": {"variability_bits": 0},
+    "dilation": {"dilation": 0},
+    "guard": {"guard": 0},
+    "rings": {"rings": 0},
+    "notice": {"notice": False},
+    "influence": {"influence": "off"},
+    "shadows": {"shadows": False},
+    "heavy": {"heavy_updates": 0},
+    "lower": {"lower": False},
+    "track": {"track": False},
+    "drift": {"drift": False},
+    "sweep": {"sweep": 0},
+    "probe": {"probe": 0},
+}
+"""What a policy is made of, by the name that switches it: the parameters that it hangs on, as they are without it."""
+_WITH = Policy(variability_bits=2)
+"""The parameters as they are with all of them."""
+
+
 def policy_of(name: str) -> Policy:
-    """The policy of a name. Raises InputError for an unknown one."""
-    if name not in POLICIES:
-        raise InputError(f"--policy {name}: unknown; choose one of {', '.join(POLICIES)}")
-    return POLICIES[name]
+    """The policy of a name: one of `POLICIES`, and behind it any number of `MECHANISMS`, "+" with and "-" without it.
+
+    So "influence-drift" is the default without drift, "influence+variability-rings" the default with a map of
+    variability that has no rings. Raises InputError for an unknown one.
+    """
+    parts = re.fullmatch(rf"({'|'.join(POLICIES)})((?:[+-][a-z]+)*)", name)
+    if parts is None:
+        raise InputError(f"policy {name}: unknown; choose one of {', '.join(POLICIES)}")
+    chosen: dict[str, Any] = {}
+    for sign, mechanism in re.findall(r"([+-])([a-z]+)", parts[2]):
+        if mechanism not in MECHANISMS:
+            raise InputError(f"policy {name}: {mechanism} is unknown; choose of {', '.join(MECHANISMS)}")
+        off = MECHANISMS[mechanism]
+        chosen |= off if sign == "-" else {field: getattr(_WITH, field) for field in off}
+    return replace(POLICIES[parts[1]], **chosen)

@@ -8,7 +8,7 @@ import pytest
 
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.parameters import parameters
-from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy, policy_of
+from lightloom.golden_model.maintenance.selection.policy import MECHANISMS, POLICIES, Policy, policy_of
 
 PARAMETERS = parameters(Policy)
 NUMBERS = {name: each.range for name, each in PARAMETERS.items() if each.range is not None}
@@ -62,5 +62,35 @@ def test_each_named_policy_adds_to_visibility() -> None:
     assert (variable.variability_bits, variable.notice, variable.influence) == (2, False, "off")
     assert all_of_it == Policy()
     assert (all_of_it.variability_bits, all_of_it.notice, all_of_it.influence) == (0, True, "volumes")
-    with pytest.raises(InputError, match="--policy best: unknown; choose one of round-robin, visibility"):
+    with pytest.raises(InputError, match="policy best: unknown; choose one of round-robin, visibility"):
         policy_of("best")
+
+
+def test_mechanisms_are_switched_by_name() -> None:
+    assert policy_of("influence-drift-notice") == replace(Policy(), drift=False, notice=False)
+    assert policy_of("influence+variability-rings") == replace(Policy(), variability_bits=2, rings=0)
+    assert policy_of("visibility+influence+notice+drift") == Policy()
+    assert policy_of("round-robin+sweep-probe").sweep == Policy().sweep
+
+
+@pytest.mark.parametrize("mechanism", MECHANISMS)
+def test_each_mechanism_is_a_switch(mechanism: str) -> None:
+    """Off differs from what a policy with all has, and on again is that."""
+    everything = policy_of("influence+variability")
+    assert policy_of(f"influence+variability-{mechanism}") != everything
+    assert policy_of(f"influence+variability-{mechanism}+{mechanism}") == everything
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("influence-", "policy influence-: unknown; choose one of round-robin, visibility, variability, influence"),
+        ("influencer", "policy influencer: unknown"),
+        ("influence-Drift", "policy influence-Drift: unknown"),
+        ("influence-drifts", "policy influence-drifts: drifts is unknown; choose of prediction, doubts, rim, lod"),
+        ("", "policy : unknown"),
+    ],
+)
+def test_what_is_no_policy(name: str, message: str) -> None:
+    with pytest.raises(InputError, match=re.escape(message)):
+        policy_of(name)
