@@ -143,7 +143,7 @@ class Policy:
     footprint_rays: int = number(
         64, 0, MOST_RECORDS, f"Rays for footprints a frame, at most; with `influence_records` at most {MOST_RECORDS}."
     )
-    heavy_level: int = number(2, 1, 4, "Change levels from this one on make new samples weigh more, 4: none.")
+    heavy_level: int = number(3, 1, 4, "Change levels from this one on make new samples weigh more, 4: none.")
     heavy_updates: int = number(6, 0, 7, "The number of updates that do.")
     lower: bool = flag(
         True,
