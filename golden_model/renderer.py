@@ -47,7 +47,7 @@ from lightloom.golden_model.scene.light_unit import in_unit, light_exponent
 from lightloom.golden_model.scene.lightmap import Lightmaps, back_rows_of
 from lightloom.golden_model.scene.lights import Lights, lights_of
 from lightloom.golden_model.scene.pinhole import View, look_at
-from lightloom.golden_model.scene.pose import moved_records, scene_at
+from lightloom.golden_model.scene.pose import entrances, moved_records, scene_at
 from lightloom.golden_model.scene.scene import Scene, require_light
 from lightloom.golden_model.scene.textures import build_textures, texel_coordinates
 from lightloom.golden_model.tracing.bvh.forest import ForestOptions
@@ -225,25 +225,55 @@ class Renderer:
         published = self.publisher.everything(self.state)
         totals: list[int] = []
         sweeps: list[int] = []
-        valid = self.maintainer.present(self._world(scene, published))
-        first, resting = 0, 0
-        for _ in range(self.sampling.priming):
-            world = self._world(scene, published)
-            collector, clock = self._collector(scene), Stopwatch()
-            prime = self.maintainer.prime(world, first, not resting, self.budget, collector, clock)
-            (primed,) = run_together(collector, clock, prime)
-            published = self.publisher.everything(self.state)
-            self.priming_rays += primed.rays
-            self.priming_clipped += primed.clipped
-            totals.append(light_of(self.state["irradiance"][primed.texels], self.fraction))
+        order = self.maintainer.priming_order(self._world(scene, published))
+        first = resting = rounds = 0
+        while rounds < self.sampling.priming and resting < self.sampling.primed:
+            if first == 0:
+                # All these take the same rays, so that their light can be compared.
+                self.state["number"] = 0
+            waiting = np.roll(order, -(first % max(len(order), 1)))
+            texels, published = self._round(scene, published, waiting, anew=not resting)
+            rounds += 1
+            totals.append(light_of(self.state["irradiance"][texels], self.fraction))
             if first == 0 and not (settled(totals) or dark(totals)):
                 continue
-            first += len(primed.texels)
-            if first // max(len(valid), 1) > len(sweeps):
-                sweeps.append(brightness_of(self.state["irradiance"][valid], self.fraction))
-                resting += bool(resting or at_rest(sweeps, len(valid)))
-                if resting == self.sampling.primed:
-                    break
+            first += len(texels)
+            if first // max(len(order), 1) > len(sweeps):
+                sweeps.append(brightness_of(self.state["irradiance"][order], self.fraction))
+                resting += bool(resting or at_rest(sweeps, len(order)))
+        return self._introduced(published, order, self.sampling.priming - rounds)
+
+    def _round(
+        self, scene: Scene, published: np.ndarray, waiting: np.ndarray, anew: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """One round of `_prime` on the first of the texels `waiting`: those sampled, and what is published then."""
+        collector, clock = self._collector(scene), Stopwatch()
+        world = self._world(scene, published)
+        prime = self.maintainer.prime(world, waiting, anew, self.budget, collector, clock)
+        (primed,) = run_together(collector, clock, prime)
+        self.priming_rays += primed.rays
+        self.priming_clipped += primed.clipped
+        return primed.texels, self.publisher.everything(self.state)
+
+    def _introduced(self, published: np.ndarray, known: np.ndarray, rounds: int) -> np.ndarray:
+        """Samples what only comes into the scene later, in the frame in which it does, by at most so many rounds.
+
+        Nothing would be known of it, and the first frame that sees it would show it black. `known` are the texels of
+        the first frame, (V,). Returns what is published then.
+        """
+        seen = np.zeros(len(self.state), dtype=np.bool_)
+        seen[known] = True
+        for frame in entrances(self.scene):
+            scene = scene_at(self.scene, frame)
+            self.structure.update(scene)
+            order = self.maintainer.priming_order(self._world(scene, published))
+            new = order[~seen[order]]
+            seen[new] = True
+            for waiting in [new] * self.sampling.primed:
+                while len(waiting) and rounds:
+                    texels, published = self._round(scene, published, waiting, anew=False)
+                    waiting, rounds = waiting[len(texels) :], rounds - 1
+        self.structure.update(scene_at(self.scene, 0))
         return published
 
     def _primed_like(self, other: "Renderer") -> np.ndarray:

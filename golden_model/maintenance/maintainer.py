@@ -91,23 +91,24 @@ class Maintainer:
         """To which side the samples of each map departed from their averages, in the last two frames."""
 
     def prime(
-        self, world: World, first: int, anew: bool, budget: int, collector: Collector, clock: Stopwatch
+        self, world: World, waiting: np.ndarray, anew: bool, budget: int, collector: Collector, clock: Stopwatch
     ) -> Waves[Primed]:
-        """One round before the first frame: the texels from place `first` of the order on, as many as a frame pays for.
-
-        First comes one of each side, because no other shows what it finds (`filling`), then the others; of those that
-        are there in `world`. After the last comes the first again, so `first` may be any number.
+        """One round before the first frame: the first of the texels `waiting` (M,), as many as a frame pays for.
 
         `anew` they lose what earlier rounds found of them, which lacks bounces of light that have come since; else it
-        is averaged. Rounds from place 0 on all take the same rays, so that their light can be compared.
+        is averaged.
         """
-        if first == 0:
-            self.state["number"] = 0
-        order = firsts_first(self._side, self.present(world))
-        waiting = np.roll(order, -(first % max(len(order), 1)))[: budget // self.sampling.directions]
+        chosen = waiting[: budget // self.sampling.directions]
         prepare = partial(drop, self.state) if anew else _keep
-        spent = yield from self._spend(world, waiting, budget, 0, collector, clock, prepare)
-        return Primed(texels=waiting[: spent.updated], rays=spent.rays.total(), clipped=spent.clipped)
+        spent = yield from self._spend(world, chosen, budget, 0, collector, clock, prepare)
+        return Primed(texels=chosen[: spent.updated], rays=spent.rays.total(), clipped=spent.clipped)
+
+    def priming_order(self, world: World) -> np.ndarray:
+        """The texels that are valid in a frame, (V,) int64, in the order in which priming takes them.
+
+        First comes one of each side, because no other shows what it finds (`filling`), then the others.
+        """
+        return firsts_first(self._side, self.present(world))
 
     def present(self, world: World) -> np.ndarray:
         """The texels that are valid in a frame, (V,) int64, in the order of their turns."""

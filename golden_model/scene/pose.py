@@ -39,6 +39,16 @@ def state_of(scene: Scene) -> tuple[bytes, ...]:
     return tuple(array.tobytes() for array in arrays)
 
 
+def entrances(scene: Scene) -> list[int]:
+    """The frames, rising, in which an object that the first frame lacks is there for the first time."""
+    found = set()
+    for path in scene.object_path:
+        there = [key.frame for key in path.keys if key.present] if path is not None else []
+        if path is not None and not path.keys[0].present and there:
+            found.add(there[0])
+    return sorted(found)
+
+
 def posed(rest: Scene, frame: int) -> Scene:
     """The scene of a frame, made anew from the scene at rest."""
     camera = rest.camera_at(frame)

@@ -3,14 +3,10 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from lightloom.golden_model.contract.formats import ONE_SAMPLE
-from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.maintenance.maintainer import Maintainer
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.rays.waves import run_together
 from lightloom.golden_model.renderer import FrameResult, Renderer
 from tests.golden_model.test_frame_loop import SIZE, room
 
@@ -56,49 +52,3 @@ def test_a_small_mirror_does_not_leave_the_budget_unspent(tmp_path: Path) -> Non
     _, results = frames(tmp_path, 1, True, 25 * 22)
     for result in results:
         assert 0.95 * 550 <= sum(result.maintenance.rays.values()) <= 550
-
-
-def test_rounds_from_the_first_texel_take_the_same_rays(tmp_path: Path) -> None:
-    """Before the first frame: what their light comes to can be compared, as it differs by what they read alone."""
-    scene = room(tmp_path, 5, specular=True)
-    renderer = Renderer(scene, budget=600, sampling=Sampling(directions=4, light_samples=2, priming=0), **SIZE)
-    maintainer, world = renderer.maintainer, renderer._world(renderer.scene, renderer.published)
-    found = []
-    for first in (0, 0, 7):
-        collector = renderer._collector(renderer.scene)
-        (done,) = run_together(
-            collector, Stopwatch(), maintainer.prime(world, first, True, 600, collector, Stopwatch())
-        )
-        found.append((done.texels.tolist(), renderer.state["irradiance"][done.texels].tolist()))
-    assert found[0] == found[1]
-    again = [texel for texel in found[2][0] if texel in found[0][0]]
-    assert again
-    light = [dict(zip(texels, map(tuple, values), strict=True)) for texels, values in found]
-    assert any(light[0][texel] != light[2][texel] for texel in again), "later rounds sample anew"
-
-
-def test_rounds_average_or_sample_anew(tmp_path: Path) -> None:
-    """Before the first frame, texels lose what was found of them until the light is at rest; then they are averaged."""
-    scene = room(tmp_path, 5, specular=False)
-    renderer = Renderer(scene, budget=600, sampling=Sampling(directions=4, light_samples=2, priming=0), **SIZE)
-    maintainer, world = renderer.maintainer, renderer._world(renderer.scene, renderer.published)
-    texels = len(maintainer.present(world))
-
-    def sampled(first: int, anew: bool, before: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The texels of a round, and what they are after it."""
-        renderer.state[:] = before
-        collector = renderer._collector(renderer.scene)
-        (done,) = run_together(
-            collector, Stopwatch(), maintainer.prime(world, first, anew, 600, collector, Stopwatch())
-        )
-        return done.texels, renderer.state[done.texels]
-
-    found, _ = sampled(0, True, renderer.state.copy())
-    before = renderer.state.copy()
-    again, samples = sampled(texels, True, before)
-    both, averages = sampled(texels, False, before)
-    assert found.tolist() == again.tolist() == both.tolist()
-    old = before["irradiance"][both]
-    assert (averages["irradiance"] == old + np.float32(0.5) * (samples["irradiance"] - old)).all()
-    assert (averages["count"] == 2 * ONE_SAMPLE).all()
-    assert (samples["count"] == ONE_SAMPLE).all()
