@@ -40,13 +40,16 @@ def departs(before: list[int] | np.ndarray, after: list[int] | np.ndarray, least
 
 
 def test_noise_about_the_averages_is_no_departure_and_a_shift_of_all_is() -> None:
-    """200 maps of 400 samples with noise of 20 %: chance exceeds twice its measure in one map out of twenty."""
+    """200 maps of 400 samples with noise of 20 %: chance exceeds three times its measure in one map out of 370.
+
+    A shift of 5 % is five times the measure, rather less where few bright texels weigh most.
+    """
     seed, maps, samples = 5, 200, 400
     random = np.random.default_rng(seed)
     owner = np.repeat(np.arange(maps), samples)
     before = random.integers(500, 2000, len(owner))
     noise = random.normal(0, 0.2, len(owner))
-    for shift, low, high in ((0.0, 0, 0.1), (0.05, 0.95, 1), (-0.05, 0.95, 1)):
+    for shift, low, high in ((0.0, 0, 0.015), (0.05, 0.9, 1), (-0.05, 0.9, 1)):
         after = np.maximum(before * (1 + shift + noise), 0).round()
         found = departures(owner, grey(before), grey(after), maps, FRACTION, LEAST, CERTAINTY)
         share = (found != 0).mean()
