@@ -294,7 +294,8 @@ The host makes it, and may make it otherwise; hardware reads what comes of it.
   G-buffer until there is a rasterizer, what changed and its INFLUENCE records (`influence.volumes`,
   `influence.changes`: float64; `influence.footprints`), loose boxes of maps, the lights' tables where they move, the
   budget.
-- **Before the first frame**: how many rounds of priming, and when light has come to rest. A round itself is updates.
+- **Before the first frame**: how many rounds of priming, when light has come to rest, and in which frames what comes
+  later is sampled. A round itself is updates.
 - **Pictures**: fragments, the rays of a frame and the display are not maintenance; their reads of the maps are those
   above.
 - **Figures**: what is counted for reports, `Difference.ready`, the machine's schedule and cycles.
