@@ -29,7 +29,7 @@ CASES = "cases"
 REFERENCES = "references"
 """The folder of converged maps, which both budgets of a layout and seed have in common."""
 FIGURES = (
-    *("error", "worst_error", "energy", "flip", "jump", "darkened"),
+    *("error", "worst_error", "energy", "flip", "jump", "darkened", "missed"),
     *("lag", "lag_turns", "lags", "never_shown", "oldest", "unknown", "least_share", "greatest_share"),
     *TRUE,
 )
