@@ -61,7 +61,7 @@ def page(report: Mapping[str, Any]) -> str:
         [
             preamble,
             *markdown_table(rows),
-            "\n## Bars\n\nWhat `--bars --before docs/suite-baseline.json` says of it: figures rounded to the worse side.\n",
+            "\n## Bars\n\nWhat `--bars --before docs/suite-baseline.json` says of it, rounded to the worse side.\n",
             table(("bar", "figure", "limit", "met", "where"), held),
             "",
         ]
