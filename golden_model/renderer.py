@@ -263,7 +263,8 @@ class Renderer:
         """
         seen = np.zeros(len(self.state), dtype=np.bool_)
         seen[known] = True
-        for frame in entrances(self.scene):
+        later = entrances(self.scene)
+        for frame in later:
             scene = scene_at(self.scene, frame)
             self.structure.update(scene)
             order = self.maintainer.priming_order(self._world(scene, published))
@@ -273,7 +274,8 @@ class Renderer:
                 while len(waiting) and rounds:
                     texels, published = self._round(scene, published, waiting, anew=False)
                     waiting, rounds = waiting[len(texels) :], rounds - 1
-        self.structure.update(scene_at(self.scene, 0))
+        if later:
+            self.structure.update(scene_at(self.scene, 0))
         return published
 
     def _primed_like(self, other: "Renderer") -> np.ndarray:

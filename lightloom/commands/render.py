@@ -19,6 +19,7 @@ def render(options: RenderOptions) -> None:
       visibility    those that are seen, or will be
       variability   among them those whose light varies
       influence     and those whose light becomes different
+      influence-drift, visibility+notice ...   without or with a mechanism: see `lightloom policies --help`
 
     \b
     Visible surfaces:   tile-deferred, immediate, tiled-immediate (the same picture)

@@ -22,6 +22,11 @@ def test_each_pair_differs_in_its_mechanism_and_one_of_them_is_the_default() -> 
     assert len(policies()) == len(set(policies()))
 
 
+def test_the_help_names_all_of_them() -> None:
+    text = " ".join((DOCS / "command-line.md").read_text(encoding="utf-8").split())
+    assert ", ".join(list(MECHANISMS)[:-1]) + f" and {list(MECHANISMS)[-1]}." in text
+
+
 def test_rows_are_means_over_layouts_and_budgets_of_the_means_of_seeds() -> None:
     errors = {("door", 0): (0.3, 0.1), ("door", 1): (0.5, 0.3), ("room", 0): (0.1, 0.2)}
     cases = [
