@@ -210,6 +210,11 @@ PASSES: list[tuple[str, str, list[Step]]] = [
                 "down, 0 to 24 bits; the sums exact",
             ),
             (
+                "maintenance.sampling.running_average.blend_texels",
+                "A heavy texel is worth `HEAVY_WORTH` at most before it is blended; `frame`; `number` one on.",
+                "exact",
+            ),
+            (
                 "maintenance.sampling.texel_blend.texel_blend",
                 "The running average, what it is worth, deviation, bias, spread, and whether a change was noticed.",
                 "float32; 256ths to nearest; running means away from zero",
