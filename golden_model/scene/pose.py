@@ -41,12 +41,9 @@ def state_of(scene: Scene) -> tuple[bytes, ...]:
 
 def entrances(scene: Scene) -> list[int]:
     """The frames, rising, in which an object that the first frame lacks is there for the first time."""
-    found = set()
-    for path in scene.object_path:
-        there = [key.frame for key in path.keys if key.present] if path is not None else []
-        if path is not None and not path.keys[0].present and there:
-            found.add(there[0])
-    return sorted(found)
+    paths = [path.keys for path in scene.object_path if path is not None and not path.keys[0].present]
+    first = [next((key.frame for key in keys if key.present), None) for keys in paths]
+    return sorted({frame for frame in first if frame is not None})
 
 
 def posed(rest: Scene, frame: int) -> Scene:

@@ -11,14 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from lightloom.golden_model.maintenance.selection.policy import MECHANISMS, Policy, policy_of
-from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, LAYOUTS, SEEDS
 from lightloom.pages.results import table
-from lightloom.policies.bars import geometric_mean, means
+from lightloom.pages.suite import DOCS, write_page
+from lightloom.policies.bars import WHOLE, geometric_mean, means
 from lightloom.shared.provenance import commands_at
 
-DOCS = Path(__file__).parents[2] / "docs"
-KEPT = ("command", "policies", "cases", "versions", "machine")
-"""What docs/mechanisms.json keeps of a suite.json."""
 DEFAULT = "influence"
 WITHIN_VARIABILITY = ("dilation", "guard", "rings")
 """These do nothing without a map of variability, so they are taken from a policy that has one."""
@@ -98,7 +95,7 @@ def page(report: Mapping[str, Any]) -> str:
     head = ("E of", "by default", "mean", "best", "worst", "lag, turns", "jump")
     preamble = PREAMBLE.format(
         count=len(cases),
-        whole=len(LAYOUTS) * len(BUDGETS) * len(SEEDS),
+        whole=WHOLE,
         commands=commands_at([(report["command"], report["versions"])]),
     )
     return f"{preamble}\n{table(head, rows_of(cases))}\n"
@@ -106,9 +103,7 @@ def page(report: Mapping[str, Any]) -> str:
 
 def write(report: Mapping[str, Any], docs: Path = DOCS) -> None:
     """Writes mechanisms.json and mechanisms.md into a folder, of what a suite.json holds."""
-    kept = {name: report[name] for name in KEPT}
-    (docs / "mechanisms.json").write_text(json.dumps(kept, separators=(",", ":")) + "\n", encoding="utf-8")
-    (docs / "mechanisms.md").write_text(page(kept), encoding="utf-8")
+    write_page("mechanisms", page, report, docs)
 
 
 if __name__ == "__main__":

@@ -5,21 +5,20 @@
 
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from lightloom.gen.pages.suite_page import columns_of, markdown_table
-from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, LAYOUTS, SEEDS
 from lightloom.pages.results import table
-from lightloom.policies.bars import bars
+from lightloom.policies.bars import WHOLE, bars
 from lightloom.policies.suite import geometric_means
 from lightloom.policies.suite import table as rows_of
 from lightloom.shared.provenance import commands_at
 
 DOCS = Path(__file__).parents[2] / "docs"
 KEPT = ("command", "policies", "cases", "versions", "machine")
-"""What docs/suite.json keeps of a suite.json; the rest is made of it."""
+"""What pages keep of a suite.json beside them; the rest is made of it."""
 
 PREAMBLE = """\
 # The suite, measured
@@ -47,7 +46,7 @@ def page(report: Mapping[str, Any]) -> str:
     means = ", ".join(f"{name} {mean:.3f}" for name, mean in geometric_means(rows).items() if name != names[0])
     preamble = PREAMBLE.format(
         count=len(report["cases"]),
-        whole=len(LAYOUTS) * len(BUDGETS) * len(SEEDS),
+        whole=WHOLE,
         commands=commands_at([(report["command"], report["versions"])]),
         machine=f"{report['machine']['processor']}, {report['machine']['cores']} cores.",
         first=names[0],
@@ -70,9 +69,14 @@ def page(report: Mapping[str, Any]) -> str:
 
 def write(report: Mapping[str, Any], docs: Path = DOCS) -> None:
     """Writes suite.json and suite.md into a folder, of what a suite.json holds."""
-    kept = {name: report[name] for name in KEPT}
-    (docs / "suite.json").write_text(json.dumps(kept, separators=(",", ":")) + "\n", encoding="utf-8")
-    (docs / "suite.md").write_text(page(kept), encoding="utf-8")
+    write_page("suite", page, report, docs)
+
+
+def write_page(name: str, make: Callable[[Mapping[str, Any]], str], report: Mapping[str, Any], docs: Path) -> None:
+    """Writes NAME.json, what is kept of a suite.json, and NAME.md, which `make` makes of that, into a folder."""
+    kept = {field: report[field] for field in KEPT}
+    (docs / f"{name}.json").write_text(json.dumps(kept, separators=(",", ":")) + "\n", encoding="utf-8")
+    (docs / f"{name}.md").write_text(make(kept), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -13,6 +13,8 @@ import numpy as np
 
 from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, LAYOUTS, SEEDS
 
+WHOLE = len(LAYOUTS) * len(BUDGETS) * len(SEEDS)
+"""Cases of the suite."""
 FIRST, SEEN = "round-robin", "visibility"
 """The policies that the last one is held against."""
 DIGITS = 4
@@ -60,7 +62,7 @@ def bars(report: Mapping[str, Any], before: Mapping[str, Any] | None = None) -> 
     """The bars of a suite's report; `before` is that of an earlier build, whose round-robin it is held against."""
     cases, last = report["cases"], report["policies"][-1]
     return [
-        Bar("cases measured", len(cases), len(LAYOUTS) * len(BUDGETS) * len(SEEDS), least=True),
+        Bar("cases measured", len(cases), WHOLE, least=True),
         *_errors(cases, last),
         Bar(
             "geometric mean of E over layouts and budgets, to that of an earlier build's round-robin",
