@@ -26,9 +26,11 @@ from lightloom.golden_model.maintenance.sampling.gather import World, gather
 from lightloom.golden_model.maintenance.sampling.running_average import blend_texels
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.sampling.texel_rays import Update
+from lightloom.golden_model.maintenance.selection.culling import Culling, PosedRegions, turned
 from lightloom.golden_model.maintenance.selection.influence.changes import table_of
 from lightloom.golden_model.maintenance.selection.influence.reach import loose_bounds, texel_changes
 from lightloom.golden_model.maintenance.selection.influence.volumes import SHADOW, VOLUME
+from lightloom.golden_model.maintenance.selection.intervals import Interval
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.maintenance.selection.screen_test import pixels_of, screen_test, to_match, to_project
 from lightloom.golden_model.maintenance.selection.selector import FrameContext, Selector
@@ -135,7 +137,7 @@ def _selection(room: Room) -> list[Step]:
         gbuffer=counted(room.gbuffer),
         predicted=(room.view, counted(room.gbuffer)),
     )
-    selector = Selector(maps, room.scene, policy)
+    selector = Selector(maps, room.scene, replace(policy, cull=False))
     with counting() as whole:
         selector.plan(context, budget=20 * UPDATES, cost=20)
     with counting() as sight:
@@ -143,11 +145,36 @@ def _selection(room: Room) -> list[Step]:
             _called(screen_test)(counted(where[0]), counted(where[1]), room.view, counted(room.gbuffer), size, policy)
     count = int(valid.sum())
     return [
+        *_regions(room),
         _step("to the screen", "selection/texel_project", "texel and view", project, int(seen.sum())),
         _step("the four pixels", "selection/texel_match", "texel on the screen and view", match, len(place)),
         _step("windows, tracking, class", "selection/selector.Selector.plan", "texel", whole - sight, count),
         *_influence(room, valid),
     ]
+
+
+def _regions(room: Room) -> list[Step]:
+    """Of what leaves regions out."""
+    regions = _counted_regions(Culling(room.maps).posed(room.scene))
+    count, name = len(regions.filled), "selection/culling.PosedRegions"
+    with counting() as posed:
+        turn = counted(room.scene.rotation[np.zeros(count, dtype=np.int64)])
+        for box in (regions.position, regions.normal):
+            turned(turn, box)
+        regions.position + counted(np.zeros((count, 3), dtype=np.float32))
+    with counting() as seen:
+        regions.on_screen(room.view, room.scene.texel_size, Policy())
+    return [
+        _step("regions: their pose", name, "region of all", posed, count),
+        _step("regions: on the screen", name, "region and view", seen, count),
+    ]
+
+
+def _counted_regions(regions: PosedRegions) -> PosedRegions:
+    def counting_box(box: Interval) -> Interval:
+        return Interval(counted(box.low), counted(box.high))
+
+    return replace(regions, position=counting_box(regions.position), normal=counting_box(regions.normal))
 
 
 def _influence(room: Room, valid: np.ndarray) -> list[Step]:

@@ -15,6 +15,7 @@ from lightloom.golden_model.frame.rasterizer import rasterize
 from lightloom.golden_model.maintenance.kernels import Kernels
 from lightloom.golden_model.maintenance.publishing.regions import Regions, regions_of
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
+from lightloom.golden_model.maintenance.selection.culling import Culling
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.maintenance.selection.predicted_view import predicted_view
 from lightloom.golden_model.maintenance.selection.screen_test import to_project
@@ -56,6 +57,9 @@ class Frame:
     """Of all maps; then those that are valid, and all regions."""
     valid: int
     regions: int
+    tested: int
+    """Texels of the regions that are not left out in the last frame, of both views; then of either."""
+    looked_at: int
     on_screen: int
     """Texels that face the eye and are on the screen, in the last frame; then the same of the predicted view."""
     on_predicted: int
@@ -87,11 +91,14 @@ def measure(case: Case, backend: str = "auto") -> Frame:
         written = np.unique(regions.showing(plan.texel)[1])
         figures.append((len(plan.texel), len(written), _above(regions, written)))
     updates, rewritten, coarser = np.rint(np.mean(figures[-case.measured :], axis=0)).astype(int).tolist()
+    kept = _kept(maps, valid, views, scene, policy)
     on_screen = [_on_screen(maps, valid, view, scene, policy) for view in views]
     return Frame(
         texels=len(valid),
         valid=int(valid.sum()),
         regions=regions.count,
+        tested=int(kept.sum()),
+        looked_at=int(kept.any(axis=0).sum()),
         on_screen=on_screen[0],
         on_predicted=on_screen[1] if len(on_screen) > 1 else 0,
         updates=updates,
@@ -141,6 +148,13 @@ def _above(regions: Regions, written: np.ndarray) -> int:
         place = np.stack([regions.object[there], regions.row[there] >> up, regions.column[there] >> up])
         total += np.unique(place, axis=1).shape[1]
     return total
+
+
+def _kept(maps: Lightmaps, valid: np.ndarray, views: list[View], scene: Scene, policy: Policy) -> np.ndarray:
+    """The valid texels of regions that are not left out, (views, N) bool."""
+    regions = Culling(maps).posed(scene)
+    seen = np.stack([regions.on_screen(view, scene.texel_size, policy) for view in views])
+    return seen[:, regions.of_texel] & valid
 
 
 def _on_screen(maps: Lightmaps, valid: np.ndarray, view: View, scene: Scene, policy: Policy) -> int:

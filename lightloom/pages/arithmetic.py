@@ -69,7 +69,8 @@ A settled frame of `{scene}` with {width} by {height} pixels and texels of {texe
 selection of {frames} frames without their rays, means of the last {measured}): {valid:,} valid texels of {texels:,}
 in {regions:,} regions; {updates:,} updates, {together} of a region together, rewrite {rewritten:,} regions
 ({share:.2f} an update; {others}) and {coarser:,} texels above them. All texels are known, nothing is filled and no
-influence is felt.
+influence is felt. Regions that cannot be on the screen leave out {left_out:.0%} of the texels of both views
+([culling](selection.md#culling)); what else is not on the screen and facing is found texel by texel.
 """
 VERDICT = """\
 **Publishing with smoothing is {ratio:.2f} times the rays**, and as much as them at {even:.2f} regions an update.
@@ -135,7 +136,10 @@ def times_of(frame: Frame, rays: float) -> dict[str, float]:
     """How many of each a frame has."""
     return {
         "texel": frame.valid,
-        "texel and view": 2 * frame.valid,
+        "region of all": frame.regions,
+        "region and view": 2 * frame.regions,
+        "texel looked at": frame.looked_at,
+        "texel and view": frame.tested,
         "texel on the screen and view": frame.on_screen + frame.on_predicted,
         "ray": rays * frame.updates,
         "update": frame.updates,
@@ -194,7 +198,9 @@ def _frame(found: Work, units: Mapping[str, float], frame: Frame, case: Case, ot
     """What a frame comes to."""
     yield "## Of a frame\n"
     share = frame.rewritten / frame.updates
-    yield _said(FRAME, command=COMMAND, share=share, others=others, **{**asdict(case), **asdict(frame)})
+    left_out = 1 - frame.tested / (2 * frame.valid)
+    given = {**asdict(case), **asdict(frame), "share": share, "others": others, "left_out": left_out}
+    yield _said(FRAME, command=COMMAND, **given)
     times, rows, sums = times_of(frame, found.rays), [], dict.fromkeys(found.stages, 0.0)
     for stage, steps in found.stages.items():
         for step in steps:
@@ -248,9 +254,13 @@ def _moved(rays: float) -> Iterator[tuple[str, str, str, float]]:
     """(stage, what, of each, bytes)."""
     record, state = _width(TEXEL, "position", "normal") / 8, _width(TEXEL_STATE) / 8
     watched = _width(TEXEL_STATE, "frame", "count", "heavy", "noticed", "deviation", "bias") / 8
-    yield "selection", "position and normal of a texel, for both views; what is found written", "texel", record + 1
+    yield "selection", "boxes around a region's points and normals", "region of all", 2 * record
+    yield "selection", "position and normal of a texel, for both views", "texel looked at", record
     yield "selection", "four pixels", "texel on the screen and view", 4 * PIXEL.itemsize
-    yield "selection", "state and what was found; the class written, and read twice", "texel", watched + 1 + 3
+    yield (
+        *("selection", "what is found, written; state and what was found; the class written, and read twice"),
+        *("texel", 1 + watched + 1 + 3),
+    )
     nearest = Sampling().directions
     texture, colours, material = 3 * 2 * 4, 2 * 3 * 4, 4
     hit = texture + colours + material + 4 * PUBLISHED_TEXEL.itemsize

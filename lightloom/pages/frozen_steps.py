@@ -36,6 +36,12 @@ PASSES: list[tuple[str, str, list[Step]]] = [
         [
             ("scene.pose.moved_records", "Records of moving objects are carried to the frame's pose.", "float32, each"),
             (
+                "maintenance.selection.culling.PosedRegions.on_screen",
+                "Regions of which no texel can be on the screen are left out, as below those that no record reaches. "
+                "No bits: hardware may leave out more or fewer.",
+                "float32, on the ends of intervals",
+            ),
+            (
                 "maintenance.selection.texel_project.texel_project",
                 "A texel to the screen: whether it faces the eye and where it lies.",
                 "float32; places down to 1/256 pixel, then exact",

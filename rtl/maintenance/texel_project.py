@@ -18,7 +18,7 @@ MOST_BITS = 31
 
 
 class TexelProject(DataflowCore):
-    """14 multiplications, 11 additions, a division."""
+    """15 multiplications, 11 additions, a division."""
 
     declared = PURE["texel_project"]
 

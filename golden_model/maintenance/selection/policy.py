@@ -162,6 +162,11 @@ class Policy:
     drift_certainty: int = number(3, 1, 15, "… and how many times more than by chance.")
     invalidate: bool = flag(False, "The first of these updates drops the old value instead (claim 14).")
 
+    # --- what is looked at ---
+    cull: bool = flag(
+        True, "Regions of which no texel can be on the screen, or be reached by a change, are left out; the same bits."
+    )
+
     # --- how a frame's updates are shared out ---
     together: int = whole(
         4, powers_of_two(1, 64), "Texels of a region that follow each other in the order of turns, spread over it."

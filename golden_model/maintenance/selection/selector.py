@@ -13,6 +13,7 @@ import numpy as np
 from lightloom.golden_model.contract.formats import COUNT_MAX, LIKELY, SEEN
 from lightloom.golden_model.maintenance.sampling.running_average import drop
 from lightloom.golden_model.maintenance.selection.classes import Share, class_table, classes_of, needs, quotas
+from lightloom.golden_model.maintenance.selection.culling import Culling, PosedRegions
 from lightloom.golden_model.maintenance.selection.influence.changes import table_of
 from lightloom.golden_model.maintenance.selection.influence.footprints import footprints
 from lightloom.golden_model.maintenance.selection.influence.reach import loose_bounds, texel_changes, touched
@@ -138,6 +139,7 @@ class Selector:
         self._windows = windows
         self._variability = Variability(lightmaps, windows, self.policy)
         memory = self._variability.by_region
+        self._culling = Culling(lightmaps) if self.policy.cull else None
         self._exists = lightmaps.texels["state"] == VALID
         self._visibility = Visibility(windows, memory[self._exists[memory]], self.policy, test)
         self._sweep, self._probe = RoundRobin(), RoundRobin()
@@ -157,8 +159,9 @@ class Selector:
         allowed = self._allowed(budget, cost)
         records, footprint_rays = self._changes(context, allowed)
         boxes = loose_bounds(self._table, context.after, policy)
-        influence, expected = texel_changes(records, boxes, maps, valid)
-        sight, visibility_rays = self._look(context, valid, allowed - footprint_rays)
+        regions = None if self._culling is None else self._culling.posed(context.after)
+        influence, expected = texel_changes(records, boxes, maps, valid, regions)
+        sight, visibility_rays = self._look(context, valid, allowed - footprint_rays, regions)
         bins = self._variability.look(context.state, context.values, valid)
         noticed, believed = self._noticed(context.state, valid)
         change = np.maximum(influence, noticed)
@@ -218,7 +221,9 @@ class Selector:
         found, traced = footprints(self._table, context.before, context.after, policy, context.trace, rays)
         return np.concatenate([records, found]), traced
 
-    def _look(self, context: FrameContext, valid: np.ndarray, rays: int) -> tuple[Sight, int]:
+    def _look(
+        self, context: FrameContext, valid: np.ndarray, rays: int, regions: PosedRegions | None
+    ) -> tuple[Sight, int]:
         if not self.policy.visibility:
             everything = np.where(valid, np.uint8(SEEN), np.uint8(0))
             return Sight(degree=everything, lod=np.zeros(len(valid), dtype=np.uint8)), 0
@@ -231,6 +236,7 @@ class Selector:
             predicted=context.predicted,
             trace=context.trace,
             rays=rays,
+            regions=regions,
         )
 
     def _noticed(self, state: np.ndarray, valid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

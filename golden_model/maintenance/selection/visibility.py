@@ -9,6 +9,7 @@ eye.
 import numpy as np
 
 from lightloom.golden_model.contract.formats import HIDDEN, LIKELY, RAY, SEEN
+from lightloom.golden_model.maintenance.selection.culling import PosedRegions
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.maintenance.selection.round_robin import RoundRobin
@@ -49,14 +50,23 @@ class Visibility:
         predicted: tuple[View, np.ndarray] | None = None,
         trace: Trace | None = None,
         rays: int = 0,
+        regions: PosedRegions | None = None,
     ) -> tuple[Sight, int]:
         """TEXEL (N,) of a frame, of which `valid` (N,) bool count, to what is known of them, and the rays traced.
 
-        At most `rays` rays are traced, and none without `trace`.
+        At most `rays` rays are traced, and none without `trace`. Those of `regions` that cannot be on the screen are
+        not looked at.
         """
         policy, count = self.policy, len(texels)
         position, normal = texels["position"], texels["normal"]
-        here = self._screen_test(position, normal, view, gbuffer, texel_size, policy, valid)
+
+        def test(view: View, gbuffer: np.ndarray) -> Sight:
+            there = valid
+            if regions is not None:
+                there = valid & regions.on_screen(view, texel_size, policy)[regions.of_texel]
+            return self._screen_test(position, normal, view, gbuffer, texel_size, policy, there)
+
+        here = test(view, gbuffer)
         degree = here.degree
 
         traced = 0
@@ -69,7 +79,7 @@ class Visibility:
         soon = np.zeros(count, dtype=bool)
         later = np.zeros(count, dtype=np.uint8)
         if predicted is not None:
-            there = self._screen_test(position, normal, *predicted, texel_size, policy, valid)
+            there = test(*predicted)
             # What is in doubt there counts too: strips that appear along a silhouette are narrower than its pixels.
             soon = self.windows.largest((there.degree >= LIKELY).view(np.uint8), policy.near_seen) > 0
             # A pixel of the small picture covers more texels than one of the frame will.

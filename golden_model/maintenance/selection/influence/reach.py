@@ -7,6 +7,7 @@ float32, multiplications and comparisons.
 import numpy as np
 
 from lightloom.golden_model.contract.formats import CHANGE_LEVELS, WHOLE_CHANGE
+from lightloom.golden_model.maintenance.selection.culling import PosedRegions
 from lightloom.golden_model.maintenance.selection.influence.changes import Table, bounds
 from lightloom.golden_model.maintenance.selection.influence.volumes import FOOTPRINT, SHADOW
 from lightloom.golden_model.maintenance.selection.policy import Policy
@@ -48,18 +49,25 @@ def touched(records: np.ndarray, boxes: np.ndarray) -> np.ndarray:
 
 
 def texel_changes(
-    records: np.ndarray, boxes: np.ndarray, lightmaps: Lightmaps, valid: np.ndarray
+    records: np.ndarray,
+    boxes: np.ndarray,
+    lightmaps: Lightmaps,
+    valid: np.ndarray,
+    regions: PosedRegions | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Change levels 0 to 3 of texels, and how much change is expected, 0 to WHOLE_CHANGE: (N,) uint8 each.
 
     The highest of all INFLUENCE (K,) that reach their map and them. 0: none is expected, e: light changes by its
     2**(WHOLE_CHANGE - e)-th part in this frame, WHOLE_CHANGE: nothing that is known of it is worth anything.
 
-    `boxes` (O, 2, 3) are the loose bounds of the maps, `valid` (N,) bool the texels that count.
+    `boxes` (O, 2, 3) are the loose bounds of the maps, `valid` (N,) bool the texels that count. Those of `regions` that
+    no record can reach are not looked at.
     """
     levels, expected = np.zeros((2, len(valid)), dtype=np.uint8)
     for record, maps in zip(records, touched(records, boxes), strict=True):
         chosen = np.flatnonzero(valid & maps[lightmaps.texels["object"]])
+        if regions is not None:
+            chosen = chosen[regions.reached(record)[regions.of_texel[chosen]]]
         level = _reached(record, lightmaps.texels[chosen])
         # A level is four times the effect of the one below.
         change = np.where(
