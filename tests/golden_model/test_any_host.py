@@ -5,8 +5,6 @@ hardware has one NaN, drops it where it takes the smaller or larger of two numbe
 """
 
 import sys
-import warnings
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +14,15 @@ import pytest
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.frame.frame_rays import FrameShading
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.numerics import floats
 from lightloom.golden_model.renderer import FrameResult, Pipeline, Renderer
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.stimuli.layouts.catalogue import write_layout
 from lightloom.golden_model.tracing.bvh.structure import Structure
 from tests import ROOT
+from tests.golden_model.changed_hosts import MODEL, casts_are_errors, nans_are_random
 from tests.golden_model.test_frame_loop import room
 
 SEED = 8
-MODEL = "lightloom.golden_model."
 HOST = (
     "tracing.bvh.",  # units follow `tracing.wide_bvh`
     "maintenance.selection.influence.changes",  # what is different, from poses: float64
@@ -73,16 +70,6 @@ def bits(results: list[FrameResult]) -> list[bytes]:
     ]
 
 
-def everywhere(monkeypatch: pytest.MonkeyPatch, name: str, function: Callable[..., Any]) -> None:
-    """Puts `function` in the place of `floats.name` in every module of the model that uses it."""
-    before = getattr(floats, name)
-    users = [each for key, each in sys.modules.items() if key.startswith(MODEL) and vars(each).get(name) is before]
-    assert floats in users
-    assert len(users) > 10
-    for module in users:
-        monkeypatch.setattr(module, name, function)
-
-
 SCENES = [("room", "rays"), ("many-movers", "maps"), ("light-switch", "maps")]
 
 
@@ -90,44 +77,17 @@ SCENES = [("room", "rays"), ("many-movers", "maps"), ("light-switch", "maps")]
 def test_no_bit_depends_on_which_nan_it_is(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scene: str, direct: str
 ) -> None:
-    """Every NaN that an operation makes gets a sign and a payload at random."""
     once = frames(renderer_of(tmp_path, scene, direct))
-    random, flush, met = np.random.default_rng(SEED), floats.flush, 0
-
-    def scrambled(x: np.ndarray) -> np.ndarray:
-        nonlocal met
-        out = np.asarray(flush(x))
-        wrong = np.isnan(out)
-        if out.dtype == np.float32 and wrong.any():
-            met += int(np.count_nonzero(wrong))
-            payload = random.integers(1, 1 << 22, out.shape, dtype=np.uint32) | np.uint32(0x7FC00000)
-            sign = random.integers(0, 2, out.shape, dtype=np.uint32) << np.uint32(31)
-            out = np.where(wrong, (payload | sign).view(np.float32), out)
-        return out
-
-    everywhere(monkeypatch, "flush", scrambled)
+    met = nans_are_random(monkeypatch, SEED)
     again = frames(renderer_of(tmp_path, scene, direct))
-    assert met > 0, "no operation made a NaN: nothing was tried"
+    assert met() > 0, "no operation made a NaN: nothing was tried"
     assert bits(once) == bits(again), f"seed {SEED}"
 
 
 @pytest.mark.parametrize(("scene", "direct"), SCENES)
 def test_no_cast_depends_on_the_host(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, scene: str, direct: str) -> None:
-    """No NaN and nothing out of range is cast to an integer, so a host whose casts saturate has the same bits.
-
-    NumPy says so where the processor does: here that is an error, also where the model hides other warnings.
-    """
-    renderer, errstate = renderer_of(tmp_path, scene, direct), np.errstate
-
-    def telling(**_: Any) -> Any:
-        return errstate(all="ignore", invalid="warn")
-
-    monkeypatch.setattr(np, "errstate", telling)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        warnings.filterwarnings("error", message=".*encountered in cast")
-        with pytest.raises(RuntimeWarning, match="in cast"), np.errstate():
-            np.full(8, np.nan, dtype=np.float32).astype(np.int64)
+    renderer = renderer_of(tmp_path, scene, direct)
+    with casts_are_errors(monkeypatch):
         frames(renderer)
 
 

@@ -33,8 +33,8 @@ def turning() -> Stage:
     path = path_of(key(0, (0, 0, 0)), away)
     block = replace(cornell_box_parts(["short block"])[0], name="mover", path=path)
     round_one = replace(ball("ball", (250, 350, 250), 70.0, 0.5, DIFFUSE), path=path)
-    where = {"name": "turning", "where": "turning", "camera": cornell_box().camera, "texel_size": 20.0}
-    return stage(assemble(parts=[*parts, block, round_one], **where))
+    parts += [block, round_one]
+    return stage(assemble(name="turning", parts=parts, where="turning", camera=cornell_box().camera, texel_size=20.0))
 
 
 STAGE = turning()
@@ -120,7 +120,9 @@ def test_nothing_is_left_out_where_numbers_overflow_or_vanish(scale: float, rng:
     valid = texels["state"] == VALID
     for _ in range(20):
         view, size = random_view(rng), float(20 * factor)
-        view = replace(view, position=flush(view.position * factor), near=flush(view.near * factor))
+        view = replace(
+            view, position=flush(view.position * factor), near=np.float32(flush(np.asarray(view.near * factor)))
+        )
         place = texel_project(to_project(texels["position"], texels["normal"], view, size, policy))
         assert regions.on_screen(view, size, policy)[regions.of_texel[place["visible"] & valid]].all()
         record = random_record(rng)

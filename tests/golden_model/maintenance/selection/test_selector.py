@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from lightloom.golden_model.contract.formats import LIKELY, RAY, SEEN
 from lightloom.golden_model.maintenance.publishing.regions import regions_of
+from lightloom.golden_model.maintenance.selection.culling import PosedRegions
 from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
 from lightloom.golden_model.maintenance.selection.screen_test import Sight
 from lightloom.golden_model.maintenance.selection.selector import FrameContext, Plan, Selector, coarse_to_fine
@@ -30,7 +31,9 @@ class Blind(Selector):
     degree: np.ndarray
     rays = 0
 
-    def _look(self, context: FrameContext, valid: np.ndarray, rays: int) -> tuple[Sight, int]:
+    def _look(
+        self, context: FrameContext, valid: np.ndarray, rays: int, regions: PosedRegions | None
+    ) -> tuple[Sight, int]:
         return Sight(degree=self.degree, lod=np.zeros_like(self.degree)), min(self.rays, rays)
 
 
