@@ -1,0 +1,95 @@
+"""Films and layouts of the suite at rest, held against pictures by Mitsuba 3, which reads no map: long.
+
+A film goes on until it has been still for 60 frames, at its own size and budget; one that never is stays where its last
+keyframes leave it. E true and energy are those of `lightloom policies --true`, over blocks of 8 x 8 pixels.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lightloom.golden_model.charts.curved import default_cache
+from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.renderer import Renderer
+from lightloom.golden_model.scene.files.load import load_scene
+from lightloom.golden_model.scene.keyframes import ObjectPath
+from lightloom.golden_model.scene.pose import scene_at
+from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, write_layout
+from lightloom.golden_model.stimuli.layouts.description import FRAMES, SIZE
+from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.policies.judge import straight_light
+from lightloom.policies.still import still_frames
+from lightloom.policies.true_error import STILL, true_figures
+from tests import ROOT
+from tests.golden_model.mitsuba_scenes import mitsuba, mitsuba_picture
+
+SEED = 4
+SAMPLES = 128
+"""Paths a pixel in each of two pictures."""
+LONGEST = 400
+"""Frames in which a film may come to rest."""
+FILMS = ["moving-viewpoint", "introduced-object", "light-switch", "door", "bunny-turntable", "spheres", "outdoor"]
+ROOMS = ["room", "arcade", "corridor", "hundred-lights"]
+
+pytestmark = pytest.mark.long
+
+
+def resting(scene: Scene) -> int | None:
+    """The last of the first `STILL` frames in which nothing changes, from the last keyframe on; None: never."""
+    still = still_frames(scene, LONGEST)
+    for number in range(scene.last_frame, LONGEST):
+        if all(each in still for each in range(number - STILL + 2, number + 1)):
+            return number
+    return None
+
+
+def held(scene: Scene) -> Scene:
+    """The scene as its last keyframes have it, for all frames."""
+
+    def last(path: ObjectPath | None) -> ObjectPath | None:
+        return None if path is None else replace(path, keys=(replace(path.keys[-1], frame=0),), loop=0)
+
+    camera = tuple(replace(each, frame=0) for each in scene.camera_path[-1:])
+    return replace(scene, object_path=tuple(map(last, scene.object_path)), camera_path=camera)
+
+
+def against_mitsuba(scene: Scene, size: tuple[int, int], budget: int) -> dict[str, Any]:
+    """E true, energy and the noise of both, in the last of the frames at rest."""
+    mi = mitsuba()
+    frame = resting(scene)
+    if frame is None:
+        scene = held(scene)
+        frame = resting(scene)
+    assert frame is not None
+    maps = unwrap(scene, trace=Structure(scene).trace, cache=default_cache())
+    renderer = Renderer(scene, width=size[0], height=size[1], budget=budget, seed=SEED, lightmaps=maps)
+    for _ in range(frame + 1):
+        result = renderer.frame()
+    straight = straight_light(renderer, result)
+    pictures = [mitsuba_picture(mi, scene_at(scene, frame), size, SAMPLES, seed) - straight for seed in (1, 2)]
+    return {"frame": frame, **true_figures(result.image, straight, np.stack(pictures))}
+
+
+def check(figures: dict[str, Any], name: str) -> None:
+    print(name, figures)
+    assert figures["true_error"] <= 0.04
+    assert abs(figures["true_energy"] - 1) <= 0.02
+
+
+@pytest.mark.parametrize("name", FILMS)
+def test_films(name: str) -> None:
+    scene = load_scene(str(ROOT / "scenes" / f"{name}.toml"))
+    assert scene.render.size is not None
+    assert scene.render.budget is not None
+    check(against_mitsuba(scene, scene.render.size, scene.render.budget), name)
+
+
+@pytest.mark.parametrize("name", ROOMS)
+def test_layouts(name: str, tmp_path: Path) -> None:
+    assert FRAMES < LONGEST
+    scene = load_scene(str(write_layout(name, SEED, tmp_path)))
+    check(against_mitsuba(scene, (SIZE[0], SIZE[1]), BUDGETS["scarce"]), name)
