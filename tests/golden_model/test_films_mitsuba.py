@@ -28,7 +28,7 @@ from tests import ROOT
 from tests.golden_model.mitsuba_scenes import mitsuba, mitsuba_picture
 
 SEED = 4
-SAMPLES = 128
+SAMPLES = 64
 """Paths a pixel in each of two pictures."""
 LONGEST = 400
 """Frames in which a film may come to rest."""
