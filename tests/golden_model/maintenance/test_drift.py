@@ -157,6 +157,22 @@ def test_two_frames_to_the_same_side_make_a_drift(monkeypatch: pytest.MonkeyPatc
     assert heavy == [{0}, {0}, {0}, {1}, {0}, {0}, {1}, {1}]
 
 
+def test_texels_with_heavy_updates_to_come_keep_as_many_in_a_drift() -> None:
+    """Of two maps one drifts: there a texel without any gets one."""
+    scene = replace(cornell_box(), texel_size=100.0)
+    sampling = Sampling(directions=4, light_samples=2, priming=0)
+    renderer = Renderer(scene, width=24, height=20, budget=2000, sampling=sampling, policy=Policy(influence="off"))
+    owner = renderer.lightmaps.texels["object"]
+    renderer.maintainer._departures[:, owner[0]] = 1
+    renderer.state["heavy"] = np.arange(len(owner)) % 4
+    before = renderer.state["heavy"].astype(int)
+    done = renderer.frame().maintenance.texels
+    drifts = owner[done] == owner[0]
+    assert 0 < drifts.sum() < len(done)
+    weighed = np.where(drifts, np.maximum(before[done], 1), before[done])
+    assert (renderer.state["heavy"][done] == np.maximum(weighed - 1, 0)).all()
+
+
 def switched(folder: Path, frame: int) -> Scene:
     """A room whose shining ceiling goes down to a tenth after a frame."""
     return scene_of(

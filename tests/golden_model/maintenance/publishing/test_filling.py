@@ -63,6 +63,19 @@ def test_a_map_of_one_side_is_filled_as_a_whole_image(size: tuple[int, int]) -> 
         assert (found == np.where(known[:, None], values, wanted)).all(), share
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_means_and_reads_are_rounded_down(seed: int) -> None:
+    """Of light of a few units of 2**-24, all of whose bits binary16 holds."""
+    rng = np.random.default_rng(seed)
+    width, height = 21, 18
+    values = (rng.integers(0, 40, (width * height, 3)) * 2.0**-24).astype(np.float32)
+    known = rng.random(width * height) < 0.1
+    found = Filler(maps_of([(width, height)])).fill(0, values, known, np.zeros_like(known))
+    fixed = (values.astype(np.float64) * 2**24).astype(np.int64).reshape(height, width, 3)
+    wanted = pull_push(fixed, known.reshape(height, width)).reshape(-1, 3)
+    assert (found.astype(np.float64) * 2**24 == wanted).all(), f"seed {seed}"
+
+
 def test_what_is_filled_is_rounded_to_float32_and_then_to_binary16() -> None:
     """The mean is 2**-12 above the middle of 32768 and 32800: float32 has the middle, binary16 the even one of them."""
     values, known = np.zeros((16, 3), dtype=np.float32), np.arange(16) < 4

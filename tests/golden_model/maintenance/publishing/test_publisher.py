@@ -1,6 +1,7 @@
 """Publishing: binary16, filling of what has not been sampled and of what never is, region by region."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -147,6 +148,32 @@ def test_a_region_is_ready_when_the_last_update_that_it_shows_is_blended() -> No
     difference = publisher.difference(published, state, np.array([9, 23, 2, 1, 8, 8]))
     assert dict(zip(difference.region.tolist(), difference.ready.tolist(), strict=True)) == {2: 2, 0: 4, 1: 6}
     assert difference.region.tolist() == [2, 0, 1]
+
+
+def test_regions_with_texels_to_fill_are_ready_after_all_updates() -> None:
+    """What these show depends on every sample of their map; that of another map has no such texel."""
+    maps = maps_of([(24, 8), (8, 8)])
+    state = state_of(np.ones((len(maps.texels), 3)))
+    state["count"][20] = 0  # of region 2
+    publisher = Publisher(maps)
+    published = publisher.everything(state)
+    difference = publisher.difference(published, state, np.array([0, 1, 8, 193, 194]))
+    assert dict(zip(difference.region.tolist(), difference.ready.tolist(), strict=True)) == {0: 2, 1: 3, 2: 5, 3: 5}
+
+
+@pytest.mark.parametrize("forgotten", [[20], [5, 20]])
+def test_texels_that_were_sampled_once_show_that_where_their_whole_map_is_forgotten(forgotten: list[int]) -> None:
+    """`number` says that they were; `count` no longer does."""
+    maps = maps_of([(5, 5)])
+    state = state_of(np.zeros((25, 3)), 0)
+    state["irradiance"][[5, 20]] = np.array([2, 4])[:, None]
+    state["count"][[5, 20]], state["number"][[5, 20]] = ONE_SAMPLE, 1
+    publisher = Publisher(maps)
+    published = publisher.everything(state)
+    state["count"][forgotten] = 0
+    apply(publisher.difference(published, state, np.array(forgotten)), published)
+    shown = published["rgba"][[5, 20], 0].tolist()
+    assert shown == ([2, 4] if len(forgotten) == 2 else [2, 2])
 
 
 def test_the_steady_state_is_local_and_the_first_frames_are_not() -> None:
