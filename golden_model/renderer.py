@@ -227,18 +227,18 @@ class Renderer:
         sweeps: list[int] = []
         order = self.maintainer.priming_order(self._world(scene, published))
         first = resting = rounds = 0
-        while rounds < self.sampling.priming and resting < self.sampling.primed:
+        while len(order) and rounds < self.sampling.priming and resting < self.sampling.primed:
             if first == 0:
                 # All these take the same rays, so that their light can be compared.
                 self.state["number"] = 0
-            waiting = np.roll(order, -(first % max(len(order), 1)))
+            waiting = np.roll(order, -(first % len(order)))
             texels, published = self._round(scene, published, waiting, anew=not resting)
             rounds += 1
             totals.append(light_of(self.state["irradiance"][texels], self.fraction))
             if first == 0 and not (settled(totals) or dark(totals)):
                 continue
             first += len(texels)
-            if first // max(len(order), 1) > len(sweeps):
+            if first // len(order) > len(sweeps):
                 sweeps.append(brightness_of(self.state["irradiance"][order], self.fraction))
                 resting += bool(resting or at_rest(sweeps, len(order)))
         return self._introduced(published, order, self.sampling.priming - rounds)

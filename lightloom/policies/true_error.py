@@ -105,13 +105,17 @@ def _key(scene: Scene, gbuffer: np.ndarray, samples: int) -> str:
     return key_of(fingerprint(oracle.__name__), str(SEEDS), str(samples), digest.hexdigest())
 
 
-def true_figures(image: np.ndarray, straight: np.ndarray, pictures: np.ndarray) -> dict[str, Any]:
+def true_figures(
+    image: np.ndarray, straight: np.ndarray, pictures: np.ndarray, among: np.ndarray | None = None
+) -> dict[str, Any]:
     """E true, energy ratio and noise of a picture (H, W, 3), given its straight light and two path-traced pictures.
 
-    None where the path-traced pictures are black.
+    Only pixels `among` (H, W) bool count, if that is given. None where the path-traced pictures are black.
     """
     wanted = pictures.astype(np.float64).mean(axis=0)
     counted = counted_pixels(straight, straight + wanted)
+    if among is not None:
+        counted &= among
     first, second = (blocks(picture, counted) for picture in pictures)
     shown, reference = blocks(image - straight, counted), (first + second) / 2
     total = float(reference.sum())

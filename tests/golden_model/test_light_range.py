@@ -13,7 +13,7 @@ from lightloom.golden_model.frame.frame_rays import FrameShading
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.oracle.converged_maps import Reference
 from lightloom.golden_model.rays.surface_shading import readable
-from lightloom.golden_model.renderer import Pipeline, Renderer
+from lightloom.golden_model.renderer import FrameResult, Pipeline, Renderer
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
 from lightloom.golden_model.scene.files.exr import read_exr
 from lightloom.golden_model.scene.keyframes import LightKey, LightPath
@@ -44,8 +44,14 @@ def with_point_light(intensity: float) -> Scene:
 
 
 def pictures(scene: Scene, frames: int = 2) -> np.ndarray:
+    """Without the pixels that show the lamp: it is brighter than all else together, and in no map."""
     renderer = Renderer(scene, **SIZE)
-    return np.stack([renderer.frame().image for _ in range(frames)]).astype(np.float64)
+    return np.stack([without_emitters(scene, renderer.frame()) for _ in range(frames)])
+
+
+def without_emitters(scene: Scene, result: FrameResult) -> np.ndarray:
+    emission = scene.emission[scene.material[np.maximum(result.gbuffer["primitive"], 0)]]
+    return np.where(emission.any(axis=-1, keepdims=True), 0, result.image.astype(np.float64))
 
 
 @cache
@@ -140,5 +146,6 @@ def test_the_reference_is_in_the_same_unit() -> None:
     renderer = Renderer(scene, **SIZE)
     maps = Reference(scene, renderer.lightmaps, rays=32).published(0)
     assert np.isfinite(readable(maps)).all()
-    shown = renderer.picture(renderer.frame(), maps).astype(np.float64)
+    result = renderer.frame()
+    shown = without_emitters(scene, replace(result, image=renderer.picture(result, maps)))
     assert shown.sum() / pictures(scene, 1).sum() == pytest.approx(1, rel=0.1)

@@ -69,7 +69,7 @@ class PosedRegions:
         focal, close = (flush(np.asarray(number, dtype=np.float32)) for number in (view.focal, view.near))
         # Below its horizon even of the texel that faces the eye most, where the slack is greatest.
         slack = np.ldexp(np.float32(1), -facing_shift(policy.facing_slack))
-        facing = (depth.high > close) & (above.high > -flush(slack * depth.high))
+        facing = above.high > -flush(slack * depth.high)
 
         # Texels before the near plane do not count.
         enlarged = Interval(flush(focal / depth.high), flush(focal / float_minmax(depth.low, close, True)))

@@ -7,6 +7,7 @@ import pytest
 
 from lightloom.golden_model.maintenance.maintainer import Maintainer
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
+from lightloom.golden_model.maintenance.selection.selector import Plan, Selector
 from lightloom.golden_model.renderer import FrameResult, Renderer
 from tests.golden_model.test_frame_loop import SIZE, room
 
@@ -52,3 +53,19 @@ def test_a_small_mirror_does_not_leave_the_budget_unspent(tmp_path: Path) -> Non
     _, results = frames(tmp_path, 1, True, 25 * 22)
     for result in results:
         assert 0.95 * 550 <= sum(result.maintenance.rays.values()) <= 550
+
+
+def test_spare_texels_that_are_updated_have_had_their_turn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Selection is told of as many as were updated beyond the plan, in every frame."""
+    told: list[tuple[int, int]] = []
+    spend = Selector.spend
+
+    def watched(selector: Selector, plan: Plan, count: int) -> None:
+        told.append((len(plan.texel), count))
+        spend(selector, plan, count)
+
+    monkeypatch.setattr(Selector, "spend", watched)
+    _, results = frames(tmp_path, 1, True, 400)
+    updated = [len(result.maintenance.texels) for result in results]
+    assert [planned + count for planned, count in told] == updated
+    assert max(count for _, count in told) > 0

@@ -2,11 +2,14 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 
 from lightloom.golden_model.contract.formats import ONE_SAMPLE
 from lightloom.golden_model.host.stopwatch import Stopwatch
+from lightloom.golden_model.maintenance.maintainer import Maintainer
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.rays.waves import run_together
 from lightloom.golden_model.renderer import Renderer
@@ -14,6 +17,7 @@ from lightloom.golden_model.scene.files.cornell_box import cornell_box
 from lightloom.golden_model.scene.keyframes import ObjectKey, ObjectPath
 from lightloom.golden_model.scene.lightmap import VALID
 from lightloom.golden_model.scene.pose import entrances
+from tests.golden_model.moving_scenes import scene_of
 from tests.golden_model.test_frame_loop import SIZE, room
 
 
@@ -85,3 +89,46 @@ def test_what_comes_later_is_sampled_before_the_first_frame() -> None:
     seen = result.gbuffer["object"] == number
     assert seen.any()
     assert (result.image[seen].max(axis=-1) > 0).all()
+
+
+EMPTY_AT_FIRST = """
+texel_size = 0.25
+[camera]
+position = [0, 1.2, 4]
+target = [0, 1, 0]
+fov_y_tan = 0.5
+[sky]
+radiance = [0.5, 0.6, 0.8]
+[[sphere]]
+center = [0, 1, 0]
+radius = 0.6
+subdivisions = 1
+material = "mirror"
+"""
+LATER = """
+[[quad]]
+corners = [[-2, 0, 2], [2, 0, 2], [2, 0, -2], [-2, 0, -2]]
+[[quad.path]]
+frame = 0
+present = false
+[[quad.path]]
+frame = 1
+"""
+
+
+@pytest.mark.parametrize(("later", "rounds"), [("", 0), (LATER, 6)])
+def test_where_the_first_frame_has_no_texels_rounds_are_for_what_comes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, later: str, rounds: int
+) -> None:
+    asked: list[int] = []
+    prime = Maintainer.prime
+
+    def watched(self: Maintainer, world: Any, waiting: np.ndarray, *others: Any) -> Any:
+        asked.append(len(waiting))
+        return prime(self, world, waiting, *others)
+
+    monkeypatch.setattr(Maintainer, "prime", watched)
+    renderer = Renderer(scene_of(tmp_path, EMPTY_AT_FIRST + later), width=16, height=12, budget=20_000)
+    assert len(asked) == rounds == (renderer.sampling.primed if later else 0)
+    assert all(asked)
+    assert (renderer.state["count"] > 0).sum() == max(asked, default=0)

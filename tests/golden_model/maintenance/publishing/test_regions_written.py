@@ -54,6 +54,20 @@ def test_a_settled_frame_writes_what_updates_and_fills_touch(monkeypatch: pytest
     """No region more, though what is read is smoothed; nothing is stale where nothing changes."""
     once = Sampling(primed=1)
     maps = Renderer(cornell_box(), width=32, height=32, budget=20000, sampling=once, policy=POLICIES["influence"])
+    writes_what_is_touched(maps, monkeypatch)
+
+
+@pytest.mark.long
+def test_a_frame_of_the_film_does_so_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The Cornell box at frame 120, as it is rendered."""
+    maps = Renderer(cornell_box(), width=256, height=256, budget=20000)
+    for _ in range(120):
+        maps.frame()
+    writes_what_is_touched(maps, monkeypatch)
+
+
+def writes_what_is_touched(maps: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The next frames."""
     found: list[Difference] = []
     make = maps.publisher.difference
 
@@ -63,8 +77,9 @@ def test_a_settled_frame_writes_what_updates_and_fills_touch(monkeypatch: pytest
 
     monkeypatch.setattr(maps.publisher, "difference", difference)
     for _ in range(4):
-        updated = maps.frame().maintenance.texels
-        shown = np.isin(maps.lightmaps.fill, updated)
+        done = maps.frame().maintenance
+        updated = done.texels
+        shown = np.isin(maps.lightmaps.fill, np.concatenate([updated, done.stale]))
         touched = np.unique(maps.publisher.regions.of_texel[shown])
         assert np.sort(found[-1].region).tolist() == touched.tolist()
         assert len(updated) > 1000

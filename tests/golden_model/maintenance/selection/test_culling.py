@@ -23,6 +23,7 @@ from lightloom.golden_model.scene.parts import DIFFUSE
 from lightloom.golden_model.scene.pinhole import View, look_at
 from lightloom.golden_model.scene.pose import moved_records, scene_at
 from tests.golden_model.frame_scenes import ball
+from tests.golden_model.maintenance.publishing.test_publisher import maps_of
 from tests.golden_model.selection_scenes import Stage, key, path_of, stage, visited
 
 
@@ -39,6 +40,8 @@ def turning() -> Stage:
 
 STAGE = turning()
 EXTENT = 560.0
+FRACTIONS = [0, 2.0**-8, -(2.0**-8), 2.0**-9, -(2.0**-9)]
+"""Of pixels, around the step of places on the screen."""
 
 
 @pytest.fixture(params=range(8))
@@ -133,6 +136,41 @@ def test_nothing_is_left_out_where_numbers_overflow_or_vanish(scale: float, rng:
         maps = replace(STAGE.lightmaps, texels=texels)
         levels, _ = texel_changes(record[None], everywhere, maps, valid)
         assert regions.reached(record)[regions.of_texel[levels > 0]].all(), record
+
+
+def test_a_region_of_one_texel_is_left_out_just_where_the_texel_would_be(rng: np.random.Generator) -> None:
+    """Nothing lies between the ends of its intervals, so no margin is left: here to the last bit of every test.
+
+    Texels of a flat map that is seen straight on, or nearly, with borders of pixels and of the screen between them.
+    """
+    count, side = 400, 16
+    maps = maps_of([(1, 1)] * count)
+    for _ in range(20):
+        distance, size, slack = float(rng.choice([1, 2, 3])), float(rng.choice([0.25, 0.5, 1])), 0.0625
+        maps.texels["position"] = 0
+        place = rng.integers(-3 * side, 3 * side + 1, (count, 2)) / 4 + rng.choice(FRACTIONS, (count, 2))
+        maps.texels["position"][:, :2] = place * distance
+        towards = rng.choice([1, 0, -slack, -slack - 2.0**-12, -slack + 2.0**-12], count)
+        maps.texels["normal"] = np.stack([np.sqrt(1 - towards**2), np.zeros(count), towards], axis=1)
+        maps.texels["position"][rng.random(count) < 0.2, 0] = 0
+        maps.texels["object"] = np.arange(count)
+        eye = (0, 0, side * distance)
+        view = look_at(np.array(eye), np.zeros(3), np.array([0, 1, 0]), 0.5, side, side)
+        view = replace(view, near=np.float32(rng.choice([1, side * distance])))
+        scene = replace(
+            STAGE.scene,
+            rotation=np.broadcast_to(np.eye(3, dtype=np.float32), (count, 3, 3)),
+            translation=np.zeros((count, 3), dtype=np.float32),
+        )
+        policy = Policy(facing_slack=slack)
+        found = Culling(maps).posed(scene).on_screen(view, size, policy)
+        place = texel_project(to_project(maps.texels["position"], maps.texels["normal"], view, size, policy))
+        assert found.tolist() == place["visible"].tolist()
+
+
+def test_only_numbers_are_finite() -> None:
+    low, high = np.array([[-1, -np.inf, 0, np.nan, -np.inf], [1, 0, np.inf, 1, np.inf]], dtype=np.float32)
+    assert Interval(low, high).finite.tolist() == [True, False, False, False, False]
 
 
 @pytest.mark.parametrize("policy", ["visibility", "variability", "influence"])
