@@ -50,7 +50,7 @@ lint: $(READY) ## ruff (lint and format) and mypy
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-test-long: setup ## the long tests: millions of rays and vectors (an hour on two cores)
+test-long: setup ## the long tests: millions of rays and vectors, films against Mitsuba (two hours on two cores)
 	$(BIN)/pytest -n $(WORKERS) -m long
 
 test-operators: setup ## number units: 4 million random vectors and the corner grid each, against SoftFloat; a table

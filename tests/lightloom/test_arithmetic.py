@@ -79,9 +79,9 @@ def test_float64_on_the_way_is_refused() -> None:
     ("unit", "stage", "place", "more"),
     [
         # The model multiplies by a power of two, …
-        ("texel_project", "selection", 0, {"float_multiply": 1}),
+        ("texel_project", "selection", 2, {"float_multiply": 1}),
         # … says four times by how much depths may differ, and compares with infinity, …
-        ("texel_match", "selection", 1, {"float_multiply": 3, "float_compare": 4}),
+        ("texel_match", "selection", 3, {"float_multiply": 3, "float_compare": 4}),
         # … adds to nothing, and compares where the unit looks at a sign.
         ("texel_blend", "rays", 1, {"float_add": 2, "float_compare": 1}),
     ],

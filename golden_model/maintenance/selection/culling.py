@@ -3,8 +3,8 @@
 At a million texels most of selection is arithmetic on texels of which nothing comes: behind the eye, off the screen,
 facing away, far from all that moves. A region of 8 x 8 texels has a box around its texels' points and one around their
 normals, at rest; the object's pose is applied to the boxes as to the texels. The tests are those of the texels
-(`texel_project`, `influence.reach`) on intervals (`intervals`). So they never rule out a texel that these would find,
-and selection has the same bits with culling and without it.
+(`texel_project`; `influence.region_reach` has those of changes) on intervals (`intervals`). So they never rule out a
+texel that these would find, and selection has the same bits with culling and without it.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,6 @@ import numpy as np
 
 from lightloom.golden_model.contract.formats import PIXEL_BITS
 from lightloom.golden_model.maintenance.publishing.regions import Regions, regions_of
-from lightloom.golden_model.maintenance.selection.influence.volumes import FOOTPRINT, SHADOW
 from lightloom.golden_model.maintenance.selection.intervals import Interval
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.maintenance.selection.screen_test import facing_shift
@@ -65,7 +64,7 @@ class PosedRegions:
     def on_screen(self, view: View, texel_size: float, policy: Policy) -> np.ndarray:
         """Whether any texel of each region may be `visible` to `texel_project`: (R,) bool."""
         moved = self.position - view.position
-        above, depth = -self.normal.dot(moved), moved.dot(view.forward)
+        above, depth = -self.normal.scalar_product(moved), moved.scalar_product(view.forward)
         focal, close = (flush(np.asarray(number, dtype=np.float32)) for number in (view.focal, view.near))
         # Below its horizon even of the texel that faces the eye most, where the slack is greatest.
         slack = np.ldexp(np.float32(1), -facing_shift(policy.facing_slack))
@@ -73,7 +72,7 @@ class PosedRegions:
 
         # Texels before the near plane do not count.
         enlarged = Interval(flush(focal / depth.high), flush(focal / float_minmax(depth.low, close, True)))
-        across, upward = moved.dot(view.right), moved.dot(view.up)
+        across, upward = moved.scalar_product(view.right), moved.scalar_product(view.up)
         farther = np.maximum(_beyond(across * enlarged, view.width), _beyond(-(upward * enlarged), view.height))
         outside = fixed_to_float(np.minimum(farther, (1 << 31) - 1).astype(np.int32), PIXEL_BITS)
         near = (farther == 0) | (outside < flush(enlarged.high * np.float32(texel_size)))
@@ -83,22 +82,6 @@ class PosedRegions:
         # Where the whole box is before the near plane `enlarged` means nothing, and is not asked.
         behind = depth.finite & (depth.high <= close)
         return self.filled & ~behind & ((facing & near) | ~known)
-
-    @quiet
-    def reached(self, record: np.ndarray) -> np.ndarray:
-        """Whether any texel of each region may have a level by one INFLUENCE: (R,) bool."""
-        if record["kind"] == SHADOW:
-            meets = _may_be_between(self.position, record)
-        elif record["kind"] == FOOTPRINT:
-            away = self.position - record["low"]
-            nearest = Interval(away.least_size, away.greatest_size)
-            distance, radius = nearest.dot(nearest), flush(record["reach_low"][0])
-            meets = (distance.low <= flush(radius * radius)) | ~distance.finite
-        else:
-            below, above = -(self.position - record["low"]), self.position - record["high"]
-            within = (below.low <= flush(record["reach_low"])) & (above.low <= flush(record["reach_high"]))
-            meets = (within | ~(below.finite & above.finite)).all(axis=1)
-        return self.filled & meets
 
 
 def _around(regions: Regions, lightmaps: Lightmaps, field: str) -> Interval:
@@ -114,7 +97,7 @@ def _around(regions: Regions, lightmaps: Lightmaps, field: str) -> Interval:
 
 def turned(rotation: np.ndarray, box: Interval) -> Interval:
     """As `keyframes.rotated`: boxes (R, 3), each by its rotation (R, 3, 3)."""
-    rows = [box.dot(rotation[:, row]) for row in range(3)]
+    rows = [box.scalar_product(rotation[:, row]) for row in range(3)]
     return Interval(np.stack([each.low for each in rows], axis=1), np.stack([each.high for each in rows], axis=1))
 
 
@@ -126,16 +109,3 @@ def _beyond(moved: Interval, size: int) -> np.ndarray:
     first, last = (float_to_fixed_down(end, PIXEL_BITS).astype(np.int64) for end in (moved.low, moved.high))
     half = size << PIXEL_BITS - 1
     return np.maximum(np.maximum(-(last + half), first - half), 0)
-
-
-def _may_be_between(position: Interval, record: np.ndarray) -> np.ndarray:
-    """Whether the box of a SHADOW may meet a segment from boxes (R, 3) to its light: (R,) bool.
-
-    By the axes of the box alone, of those of `reach._between`.
-    """
-    light = Interval(record["light"], record["light"])
-    along = (light - position).greatest_size
-    middle = (light + position) - flush(record["low"] + record["high"])
-    size = flush(record["high"] - record["low"])
-    meets = (middle.least_size <= flush(size + along)) | ~middle.finite
-    return np.asarray(meets.all(axis=1))

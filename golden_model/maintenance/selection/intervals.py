@@ -51,7 +51,7 @@ class Interval:
         """Whether both ends are numbers."""
         return np.asarray(np.isfinite(self.low) & np.isfinite(self.high))
 
-    def dot(self, other: "Interval | np.ndarray") -> "Interval":
+    def scalar_product(self, other: "Interval | np.ndarray") -> "Interval":
         """Of vectors, as `vectors.dot`: (x + y) + z of the products."""
         products = self * other
         x, y, z = (Interval(products.low[..., k], products.high[..., k]) for k in range(3))

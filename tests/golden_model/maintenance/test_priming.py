@@ -113,6 +113,7 @@ frame = 0
 present = false
 [[quad.path]]
 frame = 1
+present = true
 """
 
 

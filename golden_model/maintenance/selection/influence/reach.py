@@ -9,6 +9,7 @@ import numpy as np
 from lightloom.golden_model.contract.formats import CHANGE_LEVELS, WHOLE_CHANGE
 from lightloom.golden_model.maintenance.selection.culling import PosedRegions
 from lightloom.golden_model.maintenance.selection.influence.changes import Table, bounds
+from lightloom.golden_model.maintenance.selection.influence.region_reach import reached_regions
 from lightloom.golden_model.maintenance.selection.influence.volumes import FOOTPRINT, SHADOW
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
@@ -67,7 +68,7 @@ def texel_changes(
     for record, maps in zip(records, touched(records, boxes), strict=True):
         chosen = np.flatnonzero(valid & maps[lightmaps.texels["object"]])
         if regions is not None:
-            chosen = chosen[regions.reached(record)[regions.of_texel[chosen]]]
+            chosen = chosen[reached_regions(record, regions)[regions.of_texel[chosen]]]
         level = _reached(record, lightmaps.texels[chosen])
         # A level is four times the effect of the one below.
         change = np.where(

@@ -8,6 +8,7 @@ import pytest
 from lightloom.golden_model.contract.formats import INFLUENCE
 from lightloom.golden_model.maintenance.selection.culling import Culling
 from lightloom.golden_model.maintenance.selection.influence.reach import texel_changes
+from lightloom.golden_model.maintenance.selection.influence.region_reach import reached_regions
 from lightloom.golden_model.maintenance.selection.influence.volumes import FOOTPRINT, SHADOW, VOLUME
 from lightloom.golden_model.maintenance.selection.intervals import Interval
 from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
@@ -107,7 +108,7 @@ def test_no_texel_of_a_region_that_is_left_out_is_reached(rng: np.random.Generat
         assert (with_culling[0] == levels).all(), record
         assert (with_culling[1] == expected).all(), record
         looked += int(regions.filled.sum())
-        left_out += int((~regions.reached(record) & regions.filled).sum())
+        left_out += int((~reached_regions(record, regions) & regions.filled).sum())
         reached += len(np.unique(regions.of_texel[levels > 0]))
     print(f"{left_out / looked:.3f} left out, {1 - reached / looked:.3f} could be")
     assert left_out > 0.6 * (looked - reached)
@@ -135,7 +136,7 @@ def test_nothing_is_left_out_where_numbers_overflow_or_vanish(scale: float, rng:
         everywhere = np.array([[[-np.inf] * 3, [np.inf] * 3]] * len(STAGE.lightmaps.width), dtype=np.float32)
         maps = replace(STAGE.lightmaps, texels=texels)
         levels, _ = texel_changes(record[None], everywhere, maps, valid)
-        assert regions.reached(record)[regions.of_texel[levels > 0]].all(), record
+        assert reached_regions(record, regions)[regions.of_texel[levels > 0]].all(), record
 
 
 def test_a_region_of_one_texel_is_left_out_just_where_the_texel_would_be(rng: np.random.Generator) -> None:
@@ -199,7 +200,7 @@ def test_intervals_hold_all_that_operands_between_their_ends_give(rng: np.random
             (one + other, flush(a + b)),
             (one - other, flush(a - b)),
             (one * other, flush(a * b)),
-            (one.dot(other), dot(a, b)),
+            (one.scalar_product(other), dot(a, b)),
             (-one, -a),
             (Interval(one.least_size, one.greatest_size), np.abs(a)),
         ]
