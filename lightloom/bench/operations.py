@@ -26,7 +26,7 @@ from lightloom.golden_model.maintenance.sampling.gather import World, gather
 from lightloom.golden_model.maintenance.sampling.running_average import blend_texels
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.sampling.texel_rays import Update
-from lightloom.golden_model.maintenance.selection.culling import Culling, PosedRegions, turned
+from lightloom.golden_model.maintenance.selection.culling import region_boxes
 from lightloom.golden_model.maintenance.selection.influence.changes import table_of
 from lightloom.golden_model.maintenance.selection.influence.reach import loose_bounds, texel_changes
 from lightloom.golden_model.maintenance.selection.influence.volumes import SHADOW, VOLUME
@@ -155,26 +155,18 @@ def _selection(room: Room) -> list[Step]:
 
 def _regions(room: Room) -> list[Step]:
     """Of what leaves regions out."""
-    regions = _counted_regions(Culling(room.maps).posed(room.scene))
-    count, name = len(regions.filled), "selection/culling.PosedRegions"
+    regions = region_boxes(room.maps)
+    position, normal = (Interval(counted(box.low), counted(box.high)) for box in (regions.position, regions.normal))
+    regions = replace(regions, position=position, normal=normal)
+    count, name = len(regions.filled), "selection/culling.RegionBoxes"
     with counting() as posed:
-        turn = counted(room.scene.rotation[np.zeros(count, dtype=np.int64)])
-        for box in (regions.position, regions.normal):
-            turned(turn, box)
-        regions.position + counted(np.zeros((count, 3), dtype=np.float32))
+        regions.posed(room.scene)
     with counting() as seen:
         regions.on_screen(room.view, room.scene.texel_size, Policy())
     return [
         _step("regions: their pose", name, "region of all", posed, count),
         _step("regions: on the screen", name, "region and view", seen, count),
     ]
-
-
-def _counted_regions(regions: PosedRegions) -> PosedRegions:
-    def counting_box(box: Interval) -> Interval:
-        return Interval(counted(box.low), counted(box.high))
-
-    return replace(regions, position=counting_box(regions.position), normal=counting_box(regions.normal))
 
 
 def _influence(room: Room, valid: np.ndarray) -> list[Step]:

@@ -15,7 +15,7 @@ from lightloom.golden_model.frame.rasterizer import rasterize
 from lightloom.golden_model.maintenance.kernels import Kernels
 from lightloom.golden_model.maintenance.publishing.regions import Regions, regions_of
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.maintenance.selection.culling import Culling
+from lightloom.golden_model.maintenance.selection.culling import region_boxes
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.maintenance.selection.predicted_view import predicted_view
 from lightloom.golden_model.maintenance.selection.screen_test import to_project
@@ -152,7 +152,7 @@ def _above(regions: Regions, written: np.ndarray) -> int:
 
 def _kept(maps: Lightmaps, valid: np.ndarray, views: list[View], scene: Scene, policy: Policy) -> np.ndarray:
     """The valid texels of regions that are not left out, (views, N) bool."""
-    regions = Culling(maps).posed(scene)
+    regions = region_boxes(maps).posed(scene)
     seen = np.stack([regions.on_screen(view, scene.texel_size, policy) for view in views])
     return seen[:, regions.of_texel] & valid
 

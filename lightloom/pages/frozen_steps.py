@@ -36,7 +36,7 @@ PASSES: list[tuple[str, str, list[Step]]] = [
         [
             ("scene.pose.moved_records", "Records of moving objects are carried to the frame's pose.", "float32, each"),
             (
-                "maintenance.selection.culling.PosedRegions.on_screen",
+                "maintenance.selection.culling.RegionBoxes.on_screen",
                 "Regions of which no texel can be on the screen are left out, as below those that no record reaches. "
                 "No bits: hardware may leave out more or fewer.",
                 "float32, on the ends of intervals",

@@ -22,6 +22,20 @@ def _shown(scene: Scene, number: int) -> tuple[bytes, ...]:
     return *state_of(scene_at(scene, number)), camera.position.tobytes(), camera.target.tobytes()
 
 
+def rest(scene: Scene, first: int, length: int, end: int) -> int | None:
+    """The first frame from `first` on that is the last of `length` in which nothing changes, or None.
+
+    Frames from `end` on are not looked at.
+    """
+    still = still_frames(scene, end)
+    run = 1  # frame 0 begins a stretch
+    for number in range(1, end):
+        run = run + 1 if number in still else 1
+        if run >= length and number >= first:
+            return number
+    return None
+
+
 def still_from(still: set[int]) -> set[int]:
     """The frames that those of `still` (`still_frames`) are all like: each the last before some of them."""
     return {number - 1 for number in still if number - 1 not in still}

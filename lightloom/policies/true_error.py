@@ -28,7 +28,7 @@ from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.bvh.structure import Structure
 from lightloom.policies.judge import counted_pixels
 from lightloom.policies.steps import blocks
-from lightloom.policies.still import still_frames
+from lightloom.policies.still import rest
 from lightloom.shared.console import Advance
 from lightloom.shared.step_cache import key_of
 from lightloom.sim.toolchain import locked
@@ -47,13 +47,12 @@ def resting_frame(scene: Scene, frames: int) -> int:
     Raises InputError for a scene that does not come to rest, and for one that cannot be path-traced.
     """
     require_path_traced(scene)
-    still = still_frames(scene, frames + LONGEST)
-    run = 1  # frame 0 begins a stretch
-    for number in range(1, frames + LONGEST):
-        run = run + 1 if number in still else 1
-        if run >= STILL and number >= frames - 1:
-            return number
-    raise InputError(f"--true: the scene is not still for {STILL} frames up to frame {frames + LONGEST}; leave it out")
+    found = rest(scene, frames - 1, STILL, frames + LONGEST)
+    if found is None:
+        raise InputError(
+            f"--true: the scene is not still for {STILL} frames up to frame {frames + LONGEST}; leave it out"
+        )
+    return found
 
 
 def true_pictures(

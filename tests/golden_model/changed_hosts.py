@@ -1,14 +1,17 @@
-"""Hosts that differ in what the numeric contract leaves open: which NaN an operation makes, and casts out of range."""
+"""Hosts that differ in what is left open: which NaN an operation makes, casts out of range, the order of texels."""
 
 import sys
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from lightloom.golden_model.maintenance import maintainer
+from lightloom.golden_model.maintenance.sampling.gather import gather
 from lightloom.golden_model.numerics import floats
 
 MODEL = "lightloom.golden_model."
@@ -61,3 +64,16 @@ def casts_are_errors(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         with pytest.raises(RuntimeWarning, match="in cast"), np.errstate():
             np.full(8, np.nan, dtype=np.float32).astype(np.int64)
         yield
+
+
+def texels_are_shuffled(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    """The texels of an update are sampled in another order."""
+    random = np.random.default_rng(seed)
+
+    def shuffled(world: Any, update: Any, *others: Any) -> Any:
+        order = random.permutation(len(update.texel))
+        mixed = replace(update, texel=update.texel[order], record=update.record[order], number=update.number[order])
+        done = yield from gather(world, mixed, *others)
+        return replace(done, sums=done.sums[np.argsort(order)])
+
+    monkeypatch.setattr(maintainer, "gather", shuffled)

@@ -23,7 +23,7 @@ from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, write_layout
 from lightloom.golden_model.stimuli.layouts.description import FRAMES, SIZE
 from lightloom.golden_model.tracing.bvh.structure import Structure
-from lightloom.policies.still import still_frames
+from lightloom.policies.still import rest
 from lightloom.policies.true_error import STILL, true_figures
 from tests import ROOT
 from tests.golden_model.mitsuba_scenes import mitsuba, mitsuba_picture
@@ -44,13 +44,9 @@ ROOMS = ["room", "arcade", "corridor", "hundred-lights"]
 pytestmark = pytest.mark.long
 
 
-def resting(scene: Scene, frames: int = STILL) -> int | None:
+def resting(scene: Scene, frames: int) -> int | None:
     """The last of the first `frames` frames in which nothing changes, from the last keyframe on; None: never."""
-    still = still_frames(scene, LONGEST)
-    for number in range(scene.last_frame, LONGEST):
-        if all(each in still for each in range(number - frames + 2, number + 1)):
-            return number
-    return None
+    return rest(scene, scene.last_frame, frames, LONGEST)
 
 
 def held(scene: Scene) -> Scene:
@@ -76,14 +72,14 @@ def against_mitsuba(scene: Scene, size: tuple[int, int], budget: int, frames: in
     renderer = Renderer(scene, width=size[0], height=size[1], budget=budget, seed=SEED, lightmaps=maps)
     for _ in range(frame + 1):
         result = renderer.frame()
-    image, straight = areas(renderer, result, result.lightmap), areas(renderer, result, np.zeros_like(result.lightmap))
+    image, straight = areas(renderer, result, result.lightmap, np.zeros_like(result.lightmap))
     samples = PATHS // (size[0] * size[1])
     pictures = [mitsuba_picture(mi, scene_at(scene, frame), size, samples, seed) - straight for seed in (1, 2)]
     return {"frame": frame, **true_figures(image, straight, np.stack(pictures), apart_from_emitters(straight))}
 
 
-def areas(renderer: Renderer, result: FrameResult, maps: np.ndarray) -> np.ndarray:
-    """The last frame with these maps, each pixel the mean of `FINE` by `FINE`: (H, W, 3) float32.
+def areas(renderer: Renderer, result: FrameResult, *maps: np.ndarray) -> list[np.ndarray]:
+    """The last frame with each of these maps, its pixels the means of `FINE` by `FINE`: (H, W, 3) float32.
 
     A pixel of Mitsuba's is the mean of an area, one of a frame what lies behind its centre.
     """
@@ -93,9 +89,9 @@ def areas(renderer: Renderer, result: FrameResult, maps: np.ndarray) -> np.ndarr
     drawn = renderer._latest
     assert drawn is not None
     renderer._latest = replace(drawn, view=view, gbuffer=gbuffer)
-    picture = renderer.picture(result, maps)
+    pictures = [renderer.picture(result, each) for each in maps]
     renderer._latest = drawn
-    return picture.reshape(height, FINE, width, FINE, 3).mean(axis=(1, 3))
+    return [picture.reshape(height, FINE, width, FINE, 3).mean(axis=(1, 3)) for picture in pictures]
 
 
 def apart_from_emitters(straight: np.ndarray) -> np.ndarray:

@@ -14,8 +14,6 @@ from lightloom.golden_model.contract.formats import LIKELY
 from lightloom.golden_model.frame.frame_rays import FrameShading
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.machine.cost_model import Machine
-from lightloom.golden_model.maintenance import maintainer
-from lightloom.golden_model.maintenance.sampling.gather import gather
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
 from lightloom.golden_model.maintenance.selection.selector import FrameContext, Selector
@@ -26,6 +24,7 @@ from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.bvh.structure import Structure
 from lightloom.golden_model.tracing.bvh.traversal import backend_of
 from lightloom.golden_model.tracing.recorder import TestRecorder
+from tests.golden_model.changed_hosts import texels_are_shuffled
 from tests.golden_model.moving_scenes import MOVING, scene_of
 
 SIZE: dict[str, Any] = {"width": 24, "height": 20}
@@ -156,17 +155,7 @@ def test_the_same_seed_gives_the_same_bits(tmp_path: Path, monkeypatch: pytest.M
         assert same(once, frames_of(scene, maps, 5, backend="numba", threads=2, seed=seed))
     assert not same(once, frames_of(scene, maps, 5, seed=seed + 1))
 
-    random = np.random.default_rng(seed)
-
-    def shuffled(world: Any, update: Any, *others: Any) -> Any:
-        """The update's texels in another order."""
-        order = random.permutation(len(update.texel))
-        mixed = replace(update, texel=update.texel[order], record=update.record[order], number=update.number[order])
-        done = yield from gather(world, mixed, *others)
-        back = np.argsort(order)
-        return replace(done, sums=done.sums[back])
-
-    monkeypatch.setattr(maintainer, "gather", shuffled)
+    texels_are_shuffled(monkeypatch, seed)
     assert same(once, frames_of(scene, maps, 5, seed=seed))
 
 

@@ -7,13 +7,10 @@ from dataclasses import replace
 from hashlib import sha256
 from typing import Any
 
-import numpy as np
 import pytest
 
 from lightloom.golden_model.charts.curved import default_cache
 from lightloom.golden_model.charts.unwrap import unwrap
-from lightloom.golden_model.maintenance import maintainer
-from lightloom.golden_model.maintenance.sampling.gather import gather
 from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.maintenance.selection.policy import POLICIES
 from lightloom.golden_model.renderer import Renderer
@@ -23,7 +20,7 @@ from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.stimuli.layouts.catalogue import LAYOUTS, write_layout
 from lightloom.golden_model.tracing.bvh.structure import Structure
 from tests import ROOT
-from tests.golden_model.changed_hosts import casts_are_errors, nans_are_random
+from tests.golden_model.changed_hosts import casts_are_errors, nans_are_random, texels_are_shuffled
 from tests.needs import needs_numba
 
 SEED = 8
@@ -88,15 +85,7 @@ def test_with_admitted_texels_in_any_order(
     scene: tuple[Scene, Lightmaps, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loaded, maps, once = scene
-    random = np.random.default_rng(SEED)
-
-    def shuffled(world: Any, update: Any, *others: Any) -> Any:
-        order = random.permutation(len(update.texel))
-        mixed = replace(update, texel=update.texel[order], record=update.record[order], number=update.number[order])
-        done = yield from gather(world, mixed, *others)
-        return replace(done, sums=done.sums[np.argsort(order)])
-
-    monkeypatch.setattr(maintainer, "gather", shuffled)
+    texels_are_shuffled(monkeypatch, SEED)
     assert fingerprint(loaded, maps) == once, f"seed {SEED}"
 
 

@@ -7,7 +7,7 @@ normals, at rest; the object's pose is applied to the boxes as to the texels. Th
 texel that these would find, and selection has the same bits with culling and without it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,32 +25,12 @@ NOWHERE = np.float32(np.inf)
 """Of a region without texels: `low` of its boxes, and less it `high`."""
 
 
-class Culling:
-    """The regions of one scene's maps, and what they lie within. Made once a scene; a table of the hardware."""
-
-    def __init__(self, lightmaps: Lightmaps):
-        """Of lightmaps at rest; texels that are not valid there do not count."""
-        regions = regions_of(lightmaps)
-        self._object, self._of_texel = regions.object, regions.of_texel
-        self._position, self._normal = (_around(regions, lightmaps, field) for field in ("position", "normal"))
-        self._filled = self._position.low[:, 0] < NOWHERE
-
-    @quiet
-    def posed(self, scene: Scene) -> "PosedRegions":
-        """In the pose of a frame's scene."""
-        turn = scene.rotation[self._object]
-        return PosedRegions(
-            of_texel=self._of_texel,
-            filled=self._filled,
-            position=turned(turn, self._position) + scene.translation[self._object],
-            normal=turned(turn, self._normal),
-        )
-
-
 @dataclass(frozen=True, kw_only=True)
-class PosedRegions:
-    """What R regions lie within in a frame."""
+class RegionBoxes:
+    """What R regions of one scene's maps lie within: at rest a table of the hardware, or in a frame."""
 
+    object: np.ndarray
+    """Map of each region, (R,) int64."""
     of_texel: np.ndarray
     """Region of each texel, (N,) int64."""
     filled: np.ndarray
@@ -59,6 +39,13 @@ class PosedRegions:
     """Of the texels' points, (R, 3)."""
     normal: Interval
     """Of their normals, (R, 3)."""
+
+    @quiet
+    def posed(self, scene: Scene) -> "RegionBoxes":
+        """Of those at rest, in the pose of a frame's scene."""
+        rotation = scene.rotation[self.object]
+        position = _turned(rotation, self.position) + scene.translation[self.object]
+        return replace(self, position=position, normal=_turned(rotation, self.normal))
 
     @quiet
     def on_screen(self, view: View, texel_size: float, policy: Policy) -> np.ndarray:
@@ -84,6 +71,19 @@ class PosedRegions:
         return self.filled & ~behind & ((facing & near) | ~known)
 
 
+def region_boxes(lightmaps: Lightmaps) -> RegionBoxes:
+    """Of lightmaps at rest, made once a scene; texels that are not valid there do not count."""
+    regions = regions_of(lightmaps)
+    position, normal = (_around(regions, lightmaps, field) for field in ("position", "normal"))
+    return RegionBoxes(
+        object=regions.object,
+        of_texel=regions.of_texel,
+        filled=position.low[:, 0] < NOWHERE,
+        position=position,
+        normal=normal,
+    )
+
+
 def _around(regions: Regions, lightmaps: Lightmaps, field: str) -> Interval:
     """The boxes (R, 3) around a vector of the valid texels of each region, flushed; inside out where there are none."""
     valid = lightmaps.texels["state"] == VALID
@@ -95,7 +95,7 @@ def _around(regions: Regions, lightmaps: Lightmaps, field: str) -> Interval:
     return Interval(low, high)
 
 
-def turned(rotation: np.ndarray, box: Interval) -> Interval:
+def _turned(rotation: np.ndarray, box: Interval) -> Interval:
     """As `keyframes.rotated`: boxes (R, 3), each by its rotation (R, 3, 3)."""
     rows = [box.scalar_product(rotation[:, row]) for row in range(3)]
     return Interval(np.stack([each.low for each in rows], axis=1), np.stack([each.high for each in rows], axis=1))

@@ -13,7 +13,7 @@ import numpy as np
 from lightloom.golden_model.contract.formats import COUNT_MAX, LIKELY, SEEN
 from lightloom.golden_model.maintenance.sampling.running_average import drop
 from lightloom.golden_model.maintenance.selection.classes import Share, class_table, classes_of, needs, quotas
-from lightloom.golden_model.maintenance.selection.culling import Culling, PosedRegions
+from lightloom.golden_model.maintenance.selection.culling import RegionBoxes, region_boxes
 from lightloom.golden_model.maintenance.selection.influence.changes import table_of
 from lightloom.golden_model.maintenance.selection.influence.footprints import footprints
 from lightloom.golden_model.maintenance.selection.influence.reach import loose_bounds, texel_changes, touched
@@ -139,7 +139,7 @@ class Selector:
         self._windows = windows
         self._variability = Variability(lightmaps, windows, self.policy)
         memory = self._variability.by_region
-        self._culling = Culling(lightmaps) if self.policy.cull else None
+        self._regions = region_boxes(lightmaps) if self.policy.cull else None
         self._exists = lightmaps.texels["state"] == VALID
         self._visibility = Visibility(windows, memory[self._exists[memory]], self.policy, test)
         self._sweep, self._probe = RoundRobin(), RoundRobin()
@@ -159,7 +159,7 @@ class Selector:
         allowed = self._allowed(budget, cost)
         records, footprint_rays = self._changes(context, allowed)
         boxes = loose_bounds(self._table, context.after, policy)
-        regions = None if self._culling is None else self._culling.posed(context.after)
+        regions = None if self._regions is None else self._regions.posed(context.after)
         influence, expected = texel_changes(records, boxes, maps, valid, regions)
         sight, visibility_rays = self._look(context, valid, allowed - footprint_rays, regions)
         bins = self._variability.look(context.state, context.values, valid)
@@ -222,7 +222,7 @@ class Selector:
         return np.concatenate([records, found]), traced
 
     def _look(
-        self, context: FrameContext, valid: np.ndarray, rays: int, regions: PosedRegions | None
+        self, context: FrameContext, valid: np.ndarray, rays: int, regions: RegionBoxes | None
     ) -> tuple[Sight, int]:
         if not self.policy.visibility:
             everything = np.where(valid, np.uint8(SEEN), np.uint8(0))

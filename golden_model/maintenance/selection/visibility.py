@@ -9,7 +9,7 @@ eye.
 import numpy as np
 
 from lightloom.golden_model.contract.formats import HIDDEN, LIKELY, RAY, SEEN
-from lightloom.golden_model.maintenance.selection.culling import PosedRegions
+from lightloom.golden_model.maintenance.selection.culling import RegionBoxes
 from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
 from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.maintenance.selection.round_robin import RoundRobin
@@ -50,7 +50,7 @@ class Visibility:
         predicted: tuple[View, np.ndarray] | None = None,
         trace: Trace | None = None,
         rays: int = 0,
-        regions: PosedRegions | None = None,
+        regions: RegionBoxes | None = None,
     ) -> tuple[Sight, int]:
         """TEXEL (N,) of a frame, of which `valid` (N,) bool count, to what is known of them, and the rays traced.
 

@@ -7,7 +7,7 @@ float32, multiplications and comparisons.
 import numpy as np
 
 from lightloom.golden_model.contract.formats import CHANGE_LEVELS, WHOLE_CHANGE
-from lightloom.golden_model.maintenance.selection.culling import PosedRegions
+from lightloom.golden_model.maintenance.selection.culling import RegionBoxes
 from lightloom.golden_model.maintenance.selection.influence.changes import Table, bounds
 from lightloom.golden_model.maintenance.selection.influence.region_reach import reached_regions
 from lightloom.golden_model.maintenance.selection.influence.volumes import FOOTPRINT, SHADOW
@@ -54,7 +54,7 @@ def texel_changes(
     boxes: np.ndarray,
     lightmaps: Lightmaps,
     valid: np.ndarray,
-    regions: PosedRegions | None = None,
+    regions: RegionBoxes | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Change levels 0 to 3 of texels, and how much change is expected, 0 to WHOLE_CHANGE: (N,) uint8 each.
 

@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from lightloom.golden_model.maintenance.selection.culling import PosedRegions
+from lightloom.golden_model.maintenance.selection.culling import RegionBoxes
 from lightloom.golden_model.maintenance.selection.influence.volumes import FOOTPRINT, SHADOW
 from lightloom.golden_model.maintenance.selection.intervals import Interval
 from lightloom.golden_model.numerics.floats import flush, quiet
 
 
 @quiet
-def reached_regions(record: np.ndarray, regions: PosedRegions) -> np.ndarray:
+def reached_regions(record: np.ndarray, regions: RegionBoxes) -> np.ndarray:
     """Whether any texel of each of R regions may have a level by one INFLUENCE: (R,) bool."""
     if record["kind"] == SHADOW:
         meets = _may_be_between(regions.position, record)
@@ -30,9 +30,8 @@ def _may_be_between(position: Interval, record: np.ndarray) -> np.ndarray:
 
     By the axes of the box alone, of those of `reach._between`.
     """
-    light = Interval(record["light"], record["light"])
-    along = (light - position).greatest_size
-    middle = (light + position) - flush(record["low"] + record["high"])
+    along = (position - record["light"]).greatest_size
+    middle = (position + record["light"]) - flush(record["low"] + record["high"])
     size = flush(record["high"] - record["low"])
     meets = (middle.least_size <= flush(size + along)) | ~middle.finite
     return np.asarray(meets.all(axis=1))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.contract.formats import INFLUENCE
-from lightloom.golden_model.maintenance.selection.culling import Culling
+from lightloom.golden_model.maintenance.selection.culling import region_boxes
 from lightloom.golden_model.maintenance.selection.influence.reach import texel_changes
 from lightloom.golden_model.maintenance.selection.influence.region_reach import reached_regions
 from lightloom.golden_model.maintenance.selection.influence.volumes import FOOTPRINT, SHADOW, VOLUME
@@ -76,13 +76,13 @@ def random_record(rng: np.random.Generator) -> np.ndarray:
 
 
 def test_no_texel_of_a_region_that_is_left_out_is_on_the_screen(rng: np.random.Generator) -> None:
-    culling, maps = Culling(STAGE.lightmaps), STAGE.lightmaps
+    resting, maps = region_boxes(STAGE.lightmaps), STAGE.lightmaps
     left_out = visible = 0
     for _ in range(60):
         scene = scene_at(STAGE.scene, int(rng.integers(0, 21)))
         policy = Policy(facing_slack=float(rng.choice([0, 2.0**-12, 0.0625, 1])))
         size, view = 10.0 ** rng.uniform(-1, 2), random_view(rng)
-        regions, texels = culling.posed(scene), moved_records(maps, scene).texels
+        regions, texels = resting.posed(scene), moved_records(maps, scene).texels
         there = regions.on_screen(view, size, policy)
         place = texel_project(to_project(texels["position"], texels["normal"], view, size, policy))
         found = place["visible"] & (texels["state"] == VALID)
@@ -90,18 +90,18 @@ def test_no_texel_of_a_region_that_is_left_out_is_on_the_screen(rng: np.random.G
         assert not len(wrong), f"texel {wrong[0]} is visible from {view}"
         left_out += int((~there & regions.filled).sum())
         visible += len(np.unique(regions.of_texel[found]))
-    filled = 60 * int(culling.posed(STAGE.scene).filled.sum())
+    filled = 60 * int(resting.posed(STAGE.scene).filled.sum())
     print(f"{left_out / filled:.3f} left out, {1 - visible / filled:.3f} could be")
     assert left_out > 0.75 * (filled - visible)
 
 
 def test_no_texel_of_a_region_that_is_left_out_is_reached(rng: np.random.Generator) -> None:
-    culling, maps = Culling(STAGE.lightmaps), STAGE.lightmaps
+    resting, maps = region_boxes(STAGE.lightmaps), STAGE.lightmaps
     everywhere = np.array([[[-np.inf] * 3, [np.inf] * 3]] * len(maps.width), dtype=np.float32)
     left_out = reached = looked = 0
     for _ in range(100):
         scene, record = scene_at(STAGE.scene, int(rng.integers(0, 21))), random_record(rng)
-        regions, moved = culling.posed(scene), moved_records(maps, scene)
+        regions, moved = resting.posed(scene), moved_records(maps, scene)
         valid = moved.texels["state"] == VALID
         levels, expected = texel_changes(record[None], everywhere, moved, valid)
         with_culling = texel_changes(record[None], everywhere, moved, valid, regions)
@@ -120,7 +120,7 @@ def test_nothing_is_left_out_where_numbers_overflow_or_vanish(scale: float, rng:
     factor, policy = np.float32(scale / EXTENT), Policy()
     texels = STAGE.lightmaps.texels.copy()
     texels["position"] = flush(texels["position"] * factor)
-    regions = Culling(replace(STAGE.lightmaps, texels=texels)).posed(STAGE.scene)
+    regions = region_boxes(replace(STAGE.lightmaps, texels=texels)).posed(STAGE.scene)
     valid = texels["state"] == VALID
     for _ in range(20):
         view, size = random_view(rng), float(20 * factor)
@@ -164,7 +164,7 @@ def test_a_region_of_one_texel_is_left_out_just_where_the_texel_would_be(rng: np
             translation=np.zeros((count, 3), dtype=np.float32),
         )
         policy = Policy(facing_slack=slack)
-        found = Culling(maps).posed(scene).on_screen(view, size, policy)
+        found = region_boxes(maps).posed(scene).on_screen(view, size, policy)
         place = texel_project(to_project(maps.texels["position"], maps.texels["normal"], view, size, policy))
         assert found.tolist() == place["visible"].tolist()
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from lightloom.golden_model.contract.formats import LIKELY, RAY, SEEN
 from lightloom.golden_model.maintenance.publishing.regions import regions_of
-from lightloom.golden_model.maintenance.selection.culling import PosedRegions
+from lightloom.golden_model.maintenance.selection.culling import RegionBoxes
 from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
 from lightloom.golden_model.maintenance.selection.screen_test import Sight
 from lightloom.golden_model.maintenance.selection.selector import FrameContext, Plan, Selector, coarse_to_fine
@@ -32,7 +32,7 @@ class Blind(Selector):
     rays = 0
 
     def _look(
-        self, context: FrameContext, valid: np.ndarray, rays: int, regions: PosedRegions | None
+        self, context: FrameContext, valid: np.ndarray, rays: int, regions: RegionBoxes | None
     ) -> tuple[Sight, int]:
         return Sight(degree=self.degree, lod=np.zeros_like(self.degree)), min(self.rays, rays)
 
