@@ -259,7 +259,8 @@ PASSES: list[tuple[str, str, list[Step]]] = [
             ),
             (
                 "maintenance.publishing.smoothing.noise_of",
-                "The logarithm of a texel's standard error, of its spread or deviation, count and luminance.",
+                "The logarithm of a texel's standard error, of its spread or deviation, count and luminance; of an "
+                "average of 15 samples and more half of it.",
                 "down to half octaves",
             ),
             (

@@ -48,6 +48,10 @@ HOLE_NOISE = 128
 """Its relative noise in 256ths."""
 FRESH_MASS = 2
 """What counts most of a fresh texel where a stale one looks for its light: four samples."""
+KNOWN = 15 * ONE_SAMPLE
+"""Of an average: from here on smoothing has little to gain, and edges of light as small as noise to lose."""
+KNOWN_CARE = 2
+"""Half octaves by which its noise counts less than it is."""
 ALIKE = np.float32(0.95)
 """Cosine of the normals of texels that are smoothed together."""
 _NEIGHBOURS = [(dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1) if dy or dx]
@@ -191,9 +195,10 @@ def mass_of(state: np.ndarray) -> np.ndarray:
 
 
 def noise_of(state: np.ndarray, light: np.ndarray) -> np.ndarray:
-    """The logarithm of the standard error of texels' luminance, in half octaves, (N,) int64.
+    """The logarithm of what smoothing may change of texels' luminance, in half octaves, (N,) int64.
 
-    Of few samples it is what the last one says of itself, of more what samples have differed by from their average.
+    That is its standard error: of few samples what the last one says of itself, of more what samples have differed by
+    from their average. Of averages from `KNOWN` on it is half of that.
     """
     count, spread = state["count"].astype(np.int64), state["spread"].astype(np.int64) * 5 >> 3
     deviation = state["deviation"].astype(np.int64) * 5 >> 2
@@ -201,7 +206,8 @@ def noise_of(state: np.ndarray, light: np.ndarray) -> np.ndarray:
     relative = np.where(count >= 5 * ONE_SAMPLE, deviation, known)
     relative = np.where(count > 0, relative, HOLE_NOISE)
     samples = half_octaves(np.minimum(count, 63 * ONE_SAMPLE)) - 2 * COUNT_BITS
-    return half_octaves(relative) - 16 + half_octaves(_luminance(light)) - (np.where(count > 0, samples, 0) >> 1)
+    less = (np.where(count > 0, samples, 0) >> 1) + KNOWN_CARE * (count >= KNOWN)
+    return half_octaves(relative) - 16 + half_octaves(_luminance(light)) - less
 
 
 def _luminance(light: np.ndarray) -> np.ndarray:

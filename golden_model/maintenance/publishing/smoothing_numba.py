@@ -15,6 +15,8 @@ from lightloom.golden_model.maintenance.publishing.smoothing import (
     FRESH_MASS,
     HOLE_MASS,
     HOLE_NOISE,
+    KNOWN,
+    KNOWN_CARE,
     LEAST_DIFFERENCE,
     SHARES,
     WEIGHT_BITS,
@@ -83,15 +85,17 @@ def mass_of(count: Any) -> Any:
 @compiled
 def noise_of(count: Any, spread: Any, deviation: Any, level: Any) -> Any:
     """As `smoothing.noise_of`, of one texel whose luminance is `level`."""
-    relative, samples = HOLE_NOISE, 0
+    relative, less = HOLE_NOISE, 0
     if count > 0:
         relative = spread * 5 >> 3
         if count >= 5 * ONE_SAMPLE:
             relative = deviation * 5 >> 2
         elif count >= 2 * ONE_SAMPLE:
             relative = max(relative, deviation * 5 >> 2)
-        samples = half_octaves(min(count, 63 * ONE_SAMPLE)) - 2 * COUNT_BITS
-    return half_octaves(relative) - 16 + half_octaves(level) - (samples >> 1)
+        less = (half_octaves(min(count, 63 * ONE_SAMPLE)) - 2 * COUNT_BITS) >> 1
+    if count >= KNOWN:
+        less += KNOWN_CARE
+    return half_octaves(relative) - 16 + half_octaves(level) - less
 
 
 @compiled
