@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from lightloom.golden_model.contract.interfaces import OPERATORS, Unit
-from lightloom.golden_model.maintenance.sampling.texel_blend import texel_blend
-from lightloom.golden_model.maintenance.selection.texel_match import texel_match
-from lightloom.golden_model.maintenance.selection.texel_project import texel_project
+from lightloom.golden_model.engine.sampling.texel_blend import texel_blend
+from lightloom.golden_model.engine.selection.texel_match import texel_match
+from lightloom.golden_model.engine.selection.texel_project import texel_project
 from lightloom.golden_model.numerics import floats
 from lightloom.golden_model.tracing.ray_setup import ray_setup
 from lightloom.golden_model.tracing.ray_triangle import ray_triangle

@@ -14,6 +14,23 @@ from typing import Any
 import numpy as np
 
 from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.engine.kernels import Kernels
+from lightloom.golden_model.engine.maintainer import Maintainer, Maintenance
+from lightloom.golden_model.engine.publishing.flip_chain import LONGEST, FlipChain
+from lightloom.golden_model.engine.publishing.publisher import Publisher
+from lightloom.golden_model.engine.sampling.accumulate import (
+    at_rest,
+    brightness_of,
+    dark,
+    fraction_bits,
+    light_of,
+    settled,
+)
+from lightloom.golden_model.engine.sampling.gather import World
+from lightloom.golden_model.engine.sampling.settings import Sampling
+from lightloom.golden_model.engine.selection.policy import Policy
+from lightloom.golden_model.engine.selection.predicted_view import predicted_view
+from lightloom.golden_model.engine.selection.selector import FrameContext
 from lightloom.golden_model.frame.compositor import MODES, blend_frame, show_beyond
 from lightloom.golden_model.frame.frame_rays import FrameRayFigures, FrameRays, FrameShading
 from lightloom.golden_model.frame.rasterizer import Mesh, RasterFigures, Rasterization, draw
@@ -22,23 +39,6 @@ from lightloom.golden_model.host.parameters import check, choice, number
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.machine.budget_controller import BudgetController, BudgetPolicy, measure
 from lightloom.golden_model.machine.cost_model import FrameCounts, Machine, RayCounts
-from lightloom.golden_model.maintenance.kernels import Kernels
-from lightloom.golden_model.maintenance.maintainer import Maintainer, Maintenance
-from lightloom.golden_model.maintenance.publishing.flip_chain import LONGEST, FlipChain
-from lightloom.golden_model.maintenance.publishing.publisher import Publisher
-from lightloom.golden_model.maintenance.sampling.accumulate import (
-    at_rest,
-    brightness_of,
-    dark,
-    fraction_bits,
-    light_of,
-    settled,
-)
-from lightloom.golden_model.maintenance.sampling.gather import World
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.maintenance.selection.policy import Policy
-from lightloom.golden_model.maintenance.selection.predicted_view import predicted_view
-from lightloom.golden_model.maintenance.selection.selector import FrameContext
 from lightloom.golden_model.rays.collector import MAINTENANCE, Collector, Packing, collector_of
 from lightloom.golden_model.rays.surface_shading import Surfaces, ray_weights, readable, shade_fragments, shade_pixels
 from lightloom.golden_model.rays.waves import Waves, run_together

@@ -8,7 +8,7 @@ from lightloom.golden_model.host.outputs import whole_folder
 from lightloom.shared.console import Progress, json_text
 
 if TYPE_CHECKING:
-    from lightloom.golden_model.maintenance.sampling.settings import Sampling
+    from lightloom.golden_model.engine.sampling.settings import Sampling
     from lightloom.golden_model.scene.scene import Scene
     from lightloom.golden_model.tracing.recorder import TestRecorder
 
@@ -46,7 +46,7 @@ class DemoOptions:
 def demo(options: DemoOptions, out: Path, progress: Progress) -> dict[str, Any]:
     """Writes the demo's folder, whole or not at all, and returns what is in its report.json."""
     from lightloom.gen.pages.report import report_page
-    from lightloom.golden_model.maintenance.sampling.settings import Sampling
+    from lightloom.golden_model.engine.sampling.settings import Sampling
     from lightloom.golden_model.scene.files.load import load_scene
     from lightloom.golden_model.tracing.bvh.traversal import backend_of
     from lightloom.golden_model.tracing.recorder import TestRecorder

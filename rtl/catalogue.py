@@ -5,6 +5,9 @@
 from collections.abc import Callable
 
 from lightloom.rtl.config import Config
+from lightloom.rtl.engine.texel_blend import TexelBlend
+from lightloom.rtl.engine.texel_match import TexelMatch
+from lightloom.rtl.engine.texel_project import TexelProject
 from lightloom.rtl.fabric.pipeline import Core, StreamUnit
 from lightloom.rtl.fabric.unit import UnitComponent
 from lightloom.rtl.intersection.box_setup import BoxSetup
@@ -12,9 +15,6 @@ from lightloom.rtl.intersection.node_test import NodeTest
 from lightloom.rtl.intersection.ray_setup import RaySetup
 from lightloom.rtl.intersection.ray_time import RayTime
 from lightloom.rtl.intersection.ray_triangle import RayTriangle, RayTriangleHalf
-from lightloom.rtl.maintenance.texel_blend import TexelBlend
-from lightloom.rtl.maintenance.texel_match import TexelMatch
-from lightloom.rtl.maintenance.texel_project import TexelProject
 from lightloom.rtl.operators.fixed64_to_float import Fixed64ToFloat
 from lightloom.rtl.operators.fixed_to_float import FixedToFloat
 from lightloom.rtl.operators.float_add import FloatAdd

@@ -36,7 +36,7 @@ MAY_IMPORT = {
 FLOORS: dict[str, tuple[set[str], ...]] = {
     "golden_model": (
         {"renderer", "oracle", "models"},
-        {"maintenance", "frame", "charts", "stimuli"},
+        {"engine", "frame", "charts", "stimuli"},
         {"tracing", "rays", "pictures"},
         {"scene", "machine"},
         {"numerics"},
@@ -45,7 +45,7 @@ FLOORS: dict[str, tuple[set[str], ...]] = {
     "rtl": (
         {"buses"},
         {"catalogue"},
-        {"traversal", "maintenance"},
+        {"traversal", "engine"},
         {"intersection", "memory", "registers"},
         {"operators"},
         {"fabric"},

@@ -23,9 +23,9 @@ from lightloom.golden_model.charts.curved import default_cache
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.contract import bitpack
 from lightloom.golden_model.contract.interfaces import PURE
+from lightloom.golden_model.engine.sampling import running_average
+from lightloom.golden_model.engine.selection import screen_test
 from lightloom.golden_model.host.outputs import whole_file
-from lightloom.golden_model.maintenance.sampling import running_average
-from lightloom.golden_model.maintenance.selection import screen_test
 from lightloom.golden_model.models import model_results
 from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.files.load import load_scene

@@ -11,7 +11,7 @@ from amaranth.lib import wiring
 from lightloom.gen.formal.all_inputs import Gates
 from lightloom.gen.formal.properties import Exhaustive, Property
 from lightloom.golden_model.contract.formats import FACING_BITS, HIDDEN, LIKELY, PIXEL_BITS, SEEN, TAPS
-from lightloom.rtl.maintenance import texel_blend, texel_match, texel_project
+from lightloom.rtl.engine import texel_blend, texel_match, texel_project
 
 Operands = dict[str, np.ndarray]
 Function = Callable[..., Any]

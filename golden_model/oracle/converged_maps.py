@@ -11,13 +11,13 @@ from dataclasses import replace
 import numpy as np
 
 from lightloom.golden_model.contract.formats import TEXEL_STATE
+from lightloom.golden_model.engine.publishing.publisher import Publisher
+from lightloom.golden_model.engine.sampling.accumulate import fraction_bits, light_of
+from lightloom.golden_model.engine.sampling.gather import World, gather
+from lightloom.golden_model.engine.sampling.settings import Sampling
+from lightloom.golden_model.engine.sampling.texel_rays import Update
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.stopwatch import Stopwatch
-from lightloom.golden_model.maintenance.publishing.publisher import Publisher
-from lightloom.golden_model.maintenance.sampling.accumulate import fraction_bits, light_of
-from lightloom.golden_model.maintenance.sampling.gather import World, gather
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.maintenance.sampling.texel_rays import Update
 from lightloom.golden_model.rays.collector import collector_of
 from lightloom.golden_model.rays.surface_shading import Surfaces, readable
 from lightloom.golden_model.rays.waves import run_together

@@ -17,7 +17,7 @@ from unittest.mock import patch
 import numpy as np
 
 from lightloom.golden_model.contract.interfaces import OPERATORS
-from lightloom.golden_model.maintenance.selection.neighbourhoods import Windows
+from lightloom.golden_model.engine.selection.neighbourhoods import Windows
 from lightloom.golden_model.numerics import counter_rng, floats, logarithm
 from lightloom.golden_model.scene import filters
 

@@ -9,7 +9,7 @@ from lightloom.bench.tree import BUNNY, installed
 from lightloom.golden_model.charts.curved import default_cache
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.contract.formats import ONE_SAMPLE
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
+from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.tracing.bvh.structure import Structure

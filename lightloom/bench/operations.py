@@ -13,29 +13,29 @@ import numpy as np
 from lightloom.bench.counting import Operation, Tally, counted, counting, paused
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.contract.formats import CHANGE_LEVELS, COUNT_MAX, INFLUENCE, ONE_SAMPLE, TEXEL_STATE
+from lightloom.golden_model.engine.drift import departures
+from lightloom.golden_model.engine.publishing.filling import Filler
+from lightloom.golden_model.engine.publishing.mipmaps import renew_levels
+from lightloom.golden_model.engine.publishing.publisher import Publisher, publish
+from lightloom.golden_model.engine.publishing.smoothing import STEPS, Smoother
+from lightloom.golden_model.engine.sampling.accumulate import fraction_bits
+from lightloom.golden_model.engine.sampling.confidence import lower
+from lightloom.golden_model.engine.sampling.gather import World, gather
+from lightloom.golden_model.engine.sampling.running_average import blend_texels
+from lightloom.golden_model.engine.sampling.settings import Sampling
+from lightloom.golden_model.engine.sampling.texel_rays import Update
+from lightloom.golden_model.engine.selection.culling import region_boxes
+from lightloom.golden_model.engine.selection.influence.changes import table_of
+from lightloom.golden_model.engine.selection.influence.reach import loose_bounds, texel_changes
+from lightloom.golden_model.engine.selection.influence.volumes import SHADOW, VOLUME
+from lightloom.golden_model.engine.selection.intervals import Interval
+from lightloom.golden_model.engine.selection.policy import Policy
+from lightloom.golden_model.engine.selection.screen_test import pixels_of, screen_test, to_match, to_project
+from lightloom.golden_model.engine.selection.selector import FrameContext, Selector
+from lightloom.golden_model.engine.selection.texel_match import texel_match
+from lightloom.golden_model.engine.selection.texel_project import texel_project
 from lightloom.golden_model.frame.rasterizer import rasterize
 from lightloom.golden_model.host.stopwatch import Stopwatch
-from lightloom.golden_model.maintenance.drift import departures
-from lightloom.golden_model.maintenance.publishing.filling import Filler
-from lightloom.golden_model.maintenance.publishing.mipmaps import renew_levels
-from lightloom.golden_model.maintenance.publishing.publisher import Publisher, publish
-from lightloom.golden_model.maintenance.publishing.smoothing import STEPS, Smoother
-from lightloom.golden_model.maintenance.sampling.accumulate import fraction_bits
-from lightloom.golden_model.maintenance.sampling.confidence import lower
-from lightloom.golden_model.maintenance.sampling.gather import World, gather
-from lightloom.golden_model.maintenance.sampling.running_average import blend_texels
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.maintenance.sampling.texel_rays import Update
-from lightloom.golden_model.maintenance.selection.culling import region_boxes
-from lightloom.golden_model.maintenance.selection.influence.changes import table_of
-from lightloom.golden_model.maintenance.selection.influence.reach import loose_bounds, texel_changes
-from lightloom.golden_model.maintenance.selection.influence.volumes import SHADOW, VOLUME
-from lightloom.golden_model.maintenance.selection.intervals import Interval
-from lightloom.golden_model.maintenance.selection.policy import Policy
-from lightloom.golden_model.maintenance.selection.screen_test import pixels_of, screen_test, to_match, to_project
-from lightloom.golden_model.maintenance.selection.selector import FrameContext, Selector
-from lightloom.golden_model.maintenance.selection.texel_match import texel_match
-from lightloom.golden_model.maintenance.selection.texel_project import texel_project
 from lightloom.golden_model.rays.surface_shading import Surfaces, readable
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
 from lightloom.golden_model.scene.lightmap import Lightmaps
@@ -58,7 +58,7 @@ class Step:
 
     name: str
     function: str
-    """That says it, below `golden_model/maintenance/`."""
+    """That says it, below `golden_model/engine/`."""
     of: str
     tally: dict[Operation, float]
     """Operations of one."""

@@ -11,16 +11,16 @@ import numpy as np
 
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.contract.formats import COUNT_MAX, FRAMES, ONE_SAMPLE, TEXEL_STATE
+from lightloom.golden_model.engine.kernels import Kernels
+from lightloom.golden_model.engine.publishing.regions import Regions, regions_of
+from lightloom.golden_model.engine.sampling.settings import Sampling
+from lightloom.golden_model.engine.selection.culling import region_boxes
+from lightloom.golden_model.engine.selection.policy import Policy
+from lightloom.golden_model.engine.selection.predicted_view import predicted_view
+from lightloom.golden_model.engine.selection.screen_test import to_project
+from lightloom.golden_model.engine.selection.selector import FrameContext, Selector
+from lightloom.golden_model.engine.selection.texel_project import texel_project
 from lightloom.golden_model.frame.rasterizer import rasterize
-from lightloom.golden_model.maintenance.kernels import Kernels
-from lightloom.golden_model.maintenance.publishing.regions import Regions, regions_of
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.maintenance.selection.culling import region_boxes
-from lightloom.golden_model.maintenance.selection.policy import Policy
-from lightloom.golden_model.maintenance.selection.predicted_view import predicted_view
-from lightloom.golden_model.maintenance.selection.screen_test import to_project
-from lightloom.golden_model.maintenance.selection.selector import FrameContext, Selector
-from lightloom.golden_model.maintenance.selection.texel_project import texel_project
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.scene.lightmap import SIDE_LEVELS, VALID, Lightmaps
 from lightloom.golden_model.scene.pinhole import View, look_at

@@ -271,7 +271,7 @@ def _print_suite(report: dict[str, Any]) -> None:
 
 def _check(options: PoliciesOptions) -> None:
     """Raises InputError for what can be seen to be wrong without the scene."""
-    from lightloom.golden_model.maintenance.selection.policy import POLICIES, policy_of
+    from lightloom.golden_model.engine.selection.policy import POLICIES, policy_of
     from lightloom.golden_model.tracing.bvh.traversal import BACKENDS
 
     for name in options.policies(POLICIES):
@@ -299,7 +299,7 @@ def _check(options: PoliciesOptions) -> None:
 
 def _comparison(options: PoliciesOptions, own: "RenderDefaults") -> "Comparison":
     """What is compared: what the options say, else the scene, else the constants above."""
-    from lightloom.golden_model.maintenance.selection.policy import POLICIES
+    from lightloom.golden_model.engine.selection.policy import POLICIES
     from lightloom.policies.options import Comparison
 
     width, height = image_size(options.size) if options.size is not None else own.size or SIZE

@@ -16,7 +16,7 @@ from lightloom.bench.counting import Operation
 from lightloom.bench.operations import Work, work
 from lightloom.bench.settled import Case, Frame, report
 from lightloom.golden_model.contract.formats import PIXEL, PUBLISHED_TEXEL, TEXEL, TEXEL_STATE, field_width
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
+from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.renderer import Pipeline
 from lightloom.hardware.integer_gates import gates as gates_of_integers
 from lightloom.pages.results import DOCS, PARTS, table
@@ -184,7 +184,7 @@ def _each(found: Work, units: Mapping[str, float]) -> Iterator[str]:
             figures = [_short(each) for each in (*columns, whole)]
             gates = _short(weighed(step.tally, units) / 1000)
             rows.append([stage, step.name, f"`{step.function}`", step.of, *figures, gates])
-    head = ["", "step", "said by, below `maintenance/`", "of each", *UNITS, "whole numbers", "thousand gates"]
+    head = ["", "step", "said by, below `engine/`", "of each", *UNITS, "whole numbers", "thousand gates"]
     yield table(head, rows) + "\n"
     flops = sum(found.stages["rays"][0].tally.get((unit,), 0) for unit in FLOPS)
     yield _said(RAYS, flops=flops)

@@ -19,11 +19,11 @@ import numpy as np
 
 from lightloom.golden_model.contract import formats
 from lightloom.golden_model.contract.formats import field_width
+from lightloom.golden_model.engine.sampling.running_average import Blending
+from lightloom.golden_model.engine.sampling.settings import Sampling
+from lightloom.golden_model.engine.selection.classes import class_table
+from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.host.parameters import Parameter, parameters
-from lightloom.golden_model.maintenance.sampling.running_average import Blending
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.maintenance.selection.classes import class_table
-from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.numerics.directions import cosine_table, rotation_table
 from lightloom.golden_model.renderer import Pipeline
 from lightloom.pages.frozen_steps import INTRODUCTION, NOT_FROZEN, ORDER, PASSES, STATE
@@ -49,12 +49,12 @@ CONSTANTS = (
     *("numerics.directions", "numerics.sample_spread", "numerics.floats"),
     *("scene.filters", "scene.sky", "scene.lights", "scene.ray_offset", "scene.lightmap"),
     *("rays.surface_shading", "rays.light_samples"),
-    *("maintenance.drift", "maintenance.sampling.accumulate", "maintenance.sampling.confidence"),
-    *("maintenance.sampling.gather", "maintenance.sampling.running_average", "maintenance.sampling.settings"),
-    *("maintenance.sampling.texel_rays", "maintenance.selection.classes", "maintenance.selection.policy"),
-    *("maintenance.selection.tracking", "maintenance.selection.variability", "maintenance.selection.influence.reach"),
-    *("maintenance.selection.influence.volumes", "maintenance.publishing.filling"),
-    *("maintenance.publishing.smoothing", "maintenance.publishing.mipmaps", "maintenance.publishing.flip_chain"),
+    *("engine.drift", "engine.sampling.accumulate", "engine.sampling.confidence"),
+    *("engine.sampling.gather", "engine.sampling.running_average", "engine.sampling.settings"),
+    *("engine.sampling.texel_rays", "engine.selection.classes", "engine.selection.policy"),
+    *("engine.selection.tracking", "engine.selection.variability", "engine.selection.influence.reach"),
+    *("engine.selection.influence.volumes", "engine.publishing.filling"),
+    *("engine.publishing.smoothing", "engine.publishing.mipmaps", "engine.publishing.flip_chain"),
 )
 """Modules whose constants are part of the arithmetic."""
 HOST = {
@@ -169,7 +169,7 @@ def _tables() -> str:
     tables = {
         "`numerics.directions.cosine_table`": (cosine_table(), "directions about +z, a quarter of them stored"),
         "`numerics.directions.rotation_table`": (rotation_table(), "cosine and sine of turns"),
-        "`maintenance.selection.classes.class_table`": (class_table(Policy()), "classes, of the default policy"),
+        "`engine.selection.classes.class_table`": (class_table(Policy()), "classes, of the default policy"),
     }
     rows = [
         (name, " x ".join(map(str, made.shape)), made.dtype.name, sha256(made.tobytes()).hexdigest()[:16], says)

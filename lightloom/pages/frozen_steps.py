@@ -36,40 +36,40 @@ PASSES: list[tuple[str, str, list[Step]]] = [
         [
             ("scene.pose.moved_records", "Records of moving objects are carried to the frame's pose.", "float32, each"),
             (
-                "maintenance.selection.culling.RegionBoxes.on_screen",
+                "engine.selection.culling.RegionBoxes.on_screen",
                 "Regions of which no texel can be on the screen are left out, as below those that no record reaches. "
                 "No bits: hardware may leave out more or fewer.",
                 "float32, on the ends of intervals",
             ),
             (
-                "maintenance.selection.texel_project.texel_project",
+                "engine.selection.texel_project.texel_project",
                 "A texel to the screen: whether it faces the eye and where it lies.",
                 "float32; places down to 1/256 pixel, then exact",
             ),
             (
-                "maintenance.selection.texel_match.texel_match",
+                "engine.selection.texel_match.texel_match",
                 "Normal and depth against four pixels: unseen, hidden, likely, seen; level of detail.",
                 "float32; the level to nearest, up from the middle",
             ),
             (
-                "maintenance.selection.visibility.Visibility.look",
+                "engine.selection.visibility.Visibility.look",
                 "What is in doubt asks by a ray to the eye, from the cursor of doubts on, as many as are allowed. Both "
                 "tests again for the predicted view, whose levels of detail are finer by its scale.",
                 "the ray's direction float32",
             ),
             (
-                "maintenance.selection.neighbourhoods.Windows.largest",
+                "engine.selection.neighbourhoods.Windows.largest",
                 "What is within `near_seen` of a seen texel, or seen soon, is likely; it has the greatest level "
                 "around.",
                 "exact",
             ),
             (
-                "maintenance.selection.influence.reach.touched",
+                "engine.selection.influence.reach.touched",
                 "Which maps an INFLUENCE record may reach, by the loose boxes that the host gives.",
                 "float32",
             ),
             (
-                "maintenance.selection.influence.reach.texel_changes",
+                "engine.selection.influence.reach.texel_changes",
                 "Which of their texels: the greatest change level and the greatest expected change of all records.",
                 "float32 against the record, then exact",
             ),
@@ -81,27 +81,27 @@ PASSES: list[tuple[str, str, list[Step]]] = [
         "windows together reach REACH texels, and over no chart's border.",
         [
             (
-                "maintenance.selection.variability.Variability.look",
+                "engine.selection.variability.Variability.look",
                 "With `variability_bits`: bins by thresholds, widened, guarded, in rings; then the scale moves.",
                 "contrast float32, the rest exact; the scaled threshold down",
             ),
             (
-                "maintenance.selection.neighbourhoods.Windows.total",
+                "engine.selection.neighbourhoods.Windows.total",
                 "How many of nine texels noticed a change; where enough did it is believed, and spreads.",
                 "exact",
             ),
             (
-                "maintenance.selection.classes.needs",
+                "engine.selection.classes.needs",
                 "Never sampled, few samples, old: by `count` and by the age modulo FRAMES.",
                 "exact",
             ),
             (
-                "maintenance.selection.classes.class_table",
+                "engine.selection.classes.class_table",
                 "The class is looked up by level, need, bin, change and degree.",
                 "a table",
             ),
             (
-                "maintenance.selection.tracking.most_worth",
+                "engine.selection.tracking.most_worth",
                 "What an average is worth at most: bias, deviation and number of nine settled texels.",
                 "logarithms down to half octaves; products exact",
             ),
@@ -112,29 +112,29 @@ PASSES: list[tuple[str, str, list[Step]]] = [
         "Texels have a fixed order, `coarse_to_fine`. Each search begins at a cursor and goes round once.",
         [
             (
-                "maintenance.selection.selector.coarse_to_fine",
+                "engine.selection.selector.coarse_to_fine",
                 "So many `together` of a region of 8 x 8 by reversed Morton code, then regions by theirs, then maps.",
                 "a table",
             ),
             (
-                "maintenance.selection.classes.Share.of",
+                "engine.selection.classes.Share.of",
                 "The probe's and the sweep's updates of this frame; what is left over is kept as credit.",
                 "down to whole updates",
             ),
             (
-                "maintenance.selection.round_robin.RoundRobin.take",
+                "engine.selection.round_robin.RoundRobin.take",
                 "The probe takes its next valid texels, the sweep its next ones of degree likely or seen that are "
                 "left.",
                 "exact",
             ),
             (
-                "maintenance.selection.classes.quotas",
+                "engine.selection.classes.quotas",
                 "From the top class down floor(R 2^c n / W) of what is left, and what remains to the top classes; the "
                 "same again for what is to spare. 32 divisions, of a million texels 55 bits by 36.",
                 "down",
             ),
             (
-                "maintenance.selection.round_robin.RoundRobin.upcoming",
+                "engine.selection.round_robin.RoundRobin.upcoming",
                 "Each class takes its next members; those behind them are to spare, from the top class down.",
                 "exact",
             ),
@@ -145,13 +145,13 @@ PASSES: list[tuple[str, str, list[Step]]] = [
         "In the state of all texels, before any is sampled, in this order.",
         [
             (
-                "maintenance.selection.selector.Plan.mark",
+                "engine.selection.selector.Plan.mark",
                 "`heavy` becomes `heavy_updates` where influence has level `heavy_level` or a change is believed.",
                 "exact",
             ),
-            ("maintenance.sampling.confidence.limit", "`count` is at most what tracking says.", "exact"),
+            ("engine.sampling.confidence.limit", "`count` is at most what tracking says.", "exact"),
             (
-                "maintenance.sampling.confidence.lower",
+                "engine.sampling.confidence.lower",
                 "`count` is n / (1 + n x x / (s s)) where influence expects a change by x: powers of two, and one "
                 "division of 44 bits by 44, whose quotient has 12. Texels that become stale are named to publishing.",
                 "to nearest, up from the middle; never to 0 but by all of it",
@@ -163,14 +163,14 @@ PASSES: list[tuple[str, str, list[Step]]] = [
         "The texels of the plan and then those to spare, in their order.",
         [
             (
-                "maintenance.maintainer.Maintainer.run",
+                "engine.maintainer.Maintainer.run",
                 "A texel is admitted while the rays that those before it took and its own reserve are within the "
                 "budget. "
                 "On a map that drifts `heavy` becomes 1 where it is 0; with `invalidate` old values are dropped.",
                 "exact",
             ),
             (
-                "maintenance.sampling.texel_rays.indirect_rays",
+                "engine.sampling.texel_rays.indirect_rays",
                 "`directions` rays: run number xor hash of the table, turned by the hash, about the normal.",
                 "float32; normal x tangent by differences of products",
             ),
@@ -187,7 +187,7 @@ PASSES: list[tuple[str, str, list[Step]]] = [
                 "modulo 2^32",
             ),
             (
-                "maintenance.sampling.gather.gather",
+                "engine.sampling.gather.gather",
                 "A path adds what each of its rays brings times its weight, in the order of its rays; then for its "
                 "first "
                 "ray the light met. Each shadow ray that arrives is a contribution of its own.",
@@ -206,27 +206,27 @@ PASSES: list[tuple[str, str, list[Step]]] = [
                 "float32; triangle normals by differences of products",
             ),
             (
-                "maintenance.sampling.accumulate.accumulate",
+                "engine.sampling.accumulate.accumulate",
                 "Contributions, those of paths times pi / directions, to fixed point, 32 bits, and their sum.",
                 "to nearest, saturating, NaN 0; the sum exact",
             ),
             (
-                "maintenance.sampling.accumulate.luminance_sums",
+                "engine.sampling.accumulate.luminance_sums",
                 "(r + 2 g + b) / 16 of the rounded contributions, and its square, by kind of ray.",
                 "down, 0 to 24 bits; the sums exact",
             ),
             (
-                "maintenance.sampling.running_average.blend_texels",
+                "engine.sampling.running_average.blend_texels",
                 "A heavy texel is worth `HEAVY_WORTH` at most before it is blended; `frame`; `number` one on.",
                 "exact",
             ),
             (
-                "maintenance.sampling.texel_blend.texel_blend",
+                "engine.sampling.texel_blend.texel_blend",
                 "The running average, what it is worth, deviation, bias, spread, and whether a change was noticed.",
                 "float32; 256ths to nearest; running means away from zero",
             ),
             (
-                "maintenance.drift.departures",
+                "engine.drift.departures",
                 "Sums over the samples of a map and frame, in 24 bits: does it depart to one side by more than chance?",
                 "down to 24 bits, then exact: the sums have up to 71 bits, the comparison 96",
             ),
@@ -240,41 +240,41 @@ PASSES: list[tuple[str, str, list[Step]]] = [
         "`Pipeline.smoothing` that step falls away.",
         [
             (
-                "maintenance.publishing.filling.in_half",
+                "engine.publishing.filling.in_half",
                 "What a texel shows without smoothing: its average, 65504 at most.",
                 "to binary16, nearest even",
             ),
             (
-                "maintenance.publishing.filling.Filler.fill",
+                "engine.publishing.filling.Filler.fill",
                 "Of a map with texels without a sample: means of cells of a side, level by level, then reads between "
                 "cells. A side that knows nothing keeps what it knew, or shows the mean of the others.",
                 "whole numbers of 2^-24: means and reads down, then to float32 and to binary16",
             ),
             (
-                "maintenance.publishing.smoothing.Smoother.smoothed",
+                "engine.publishing.smoothing.Smoother.smoothed",
                 "Stale texels take the mean of fresh ones; means of nine of luminance and noise; a pass with "
                 "neighbours "
                 "one texel away, of 12 x 12 texels around a region, and one with those two away.",
                 "sums exact; each pass to float32 and then to binary16; logarithms, shares and means down",
             ),
             (
-                "maintenance.publishing.smoothing.noise_of",
+                "engine.publishing.smoothing.noise_of",
                 "The logarithm of a texel's standard error, of its spread or deviation, count and luminance; of an "
                 "average of 15 samples and more half of it.",
                 "down to half octaves",
             ),
             (
-                "maintenance.publishing.publisher.Publisher.difference",
+                "engine.publishing.publisher.Publisher.difference",
                 "Empty and buried texels repeat the texel that `fill` names, with its weight: 1 where it has a sample.",
                 "exact",
             ),
             (
-                "maintenance.publishing.mipmaps.renew_levels",
+                "engine.publishing.mipmaps.renew_levels",
                 "Three levels of the region, then those above it, each of the published level below, by coverage.",
                 "float32 in the order (0,0), (0,1), (1,0), (1,1), then to binary16",
             ),
             (
-                "maintenance.publishing.flip_chain.FlipChain.commit",
+                "engine.publishing.flip_chain.FlipChain.commit",
                 "The version is complete. Updates of frame k read the newest one and make the next, which frame "
                 "k + versions - 1 shows.",
                 "exact",

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from lightloom.golden_model.maintenance.selection.policy import MECHANISMS, Policy, policy_of
+from lightloom.golden_model.engine.selection.policy import MECHANISMS, Policy, policy_of
 from lightloom.pages.results import table
 from lightloom.pages.suite import DOCS, write_page
 from lightloom.policies.bars import WHOLE, geometric_mean, means

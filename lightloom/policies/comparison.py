@@ -8,9 +8,9 @@ import numpy as np
 
 from lightloom.gen.pages.policies_page import policies_page
 from lightloom.gen.pages.timeline import timeline
+from lightloom.golden_model.engine.selection.policy import Policy, policy_of
 from lightloom.golden_model.machine.cost_model import FrameCounts, Machine
 from lightloom.golden_model.machine.schedule import Schedule, schedule
-from lightloom.golden_model.maintenance.selection.policy import Policy, policy_of
 from lightloom.golden_model.renderer import FrameResult, Renderer
 from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.pose import scene_at

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lightloom.golden_model.engine.sampling.settings import Sampling
+from lightloom.golden_model.engine.selection.policy import POLICIES
 from lightloom.golden_model.host.errors import InputError
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.maintenance.selection.policy import POLICIES
 from lightloom.golden_model.oracle.converged_maps import require_rays
 from lightloom.golden_model.tracing.bvh.structure import require_threads
 

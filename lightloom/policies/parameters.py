@@ -2,8 +2,8 @@
 
 from typing import Any
 
+from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.host import parameters as declared
-from lightloom.golden_model.maintenance.selection.policy import Policy
 
 
 def parameters(policy: Policy) -> list[dict[str, Any]]:

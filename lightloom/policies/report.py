@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from lightloom.golden_model.contract.formats import LIKELY
+from lightloom.golden_model.engine.selection.policy import policy_of
 from lightloom.golden_model.machine.schedule import Schedule
-from lightloom.golden_model.maintenance.selection.policy import policy_of
 from lightloom.golden_model.renderer import FrameResult, Renderer
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.scene import Scene

@@ -5,12 +5,12 @@ from typing import Any
 
 from lightloom.golden_model.charts.curved import default_cache
 from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.engine.sampling.settings import Sampling
+from lightloom.golden_model.engine.selection.policy import policy_of
 from lightloom.golden_model.frame.frame_rays import FrameShading
 from lightloom.golden_model.frame.rasterizer import Rasterization
 from lightloom.golden_model.machine.budget_controller import BudgetPolicy
 from lightloom.golden_model.machine.cost_model import Machine
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.maintenance.selection.policy import policy_of
 from lightloom.golden_model.renderer import Pipeline, Renderer
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.scene.lightmap import Lightmaps

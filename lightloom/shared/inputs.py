@@ -68,8 +68,8 @@ def require_exposure(value: float | None) -> None:
 
 def require_samples(directions: int, light_samples: int) -> None:
     """Raises InputError for numbers of rays that no texel update can be made of."""
+    from lightloom.golden_model.engine.sampling.settings import Sampling
     from lightloom.golden_model.host.parameters import parameters
-    from lightloom.golden_model.maintenance.sampling.settings import Sampling
 
     known = parameters(Sampling)
     known["directions"].check(directions, "--directions")

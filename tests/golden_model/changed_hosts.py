@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lightloom.golden_model.maintenance import maintainer
-from lightloom.golden_model.maintenance.sampling.gather import gather
+from lightloom.golden_model.engine import maintainer
+from lightloom.golden_model.engine.sampling.gather import gather
 from lightloom.golden_model.numerics import floats
 
 MODEL = "lightloom.golden_model."

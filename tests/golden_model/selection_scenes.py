@@ -8,8 +8,8 @@ import numpy as np
 
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL_STATE
+from lightloom.golden_model.engine.selection.selector import FrameContext
 from lightloom.golden_model.frame.rasterizer import rasterize
-from lightloom.golden_model.maintenance.selection.selector import FrameContext
 from lightloom.golden_model.numerics.vectors import vector
 from lightloom.golden_model.scene.assemble import assemble
 from lightloom.golden_model.scene.files.cornell_box import cornell_box, cornell_box_parts

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.frame.frame_rays import FrameShading
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.renderer import FrameResult, Pipeline, Renderer
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.stimuli.layouts.catalogue import write_layout
@@ -25,8 +25,8 @@ from tests.golden_model.test_frame_loop import room
 SEED = 8
 HOST = (
     "tracing.bvh.",  # units follow `tracing.wide_bvh`
-    "maintenance.selection.influence.changes",  # what is different, from poses: float64
-    "maintenance.selection.influence.volumes",
+    "engine.selection.influence.changes",  # what is different, from poses: float64
+    "engine.selection.influence.volumes",
     "scene.lights",  # `lights_of`, the table of lights: float64
     "scene.scene",
     "scene.ray_offset",
@@ -34,7 +34,7 @@ HOST = (
 """Modules that hardware does not follow in a frame: they prepare its tables."""
 
 
-FOLDERS = ("frame", "maintenance", "numerics", "rays", "scene", "tracing")
+FOLDERS = ("engine", "frame", "numerics", "rays", "scene", "tracing")
 
 
 def renderer_of(folder: Path, name: str, direct: Any) -> Renderer:

@@ -9,11 +9,11 @@ import pytest
 import trimesh
 
 from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL
-from lightloom.golden_model.maintenance.sampling.accumulate import accumulate, fraction_bits
-from lightloom.golden_model.maintenance.sampling.accumulate import irradiance as from_fixed
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.maintenance.sampling.texel_rays import Update, indirect_share, light_met, texel_rays
-from lightloom.golden_model.maintenance.selection.policy import POLICIES
+from lightloom.golden_model.engine.sampling.accumulate import accumulate, fraction_bits
+from lightloom.golden_model.engine.sampling.accumulate import irradiance as from_fixed
+from lightloom.golden_model.engine.sampling.settings import Sampling
+from lightloom.golden_model.engine.sampling.texel_rays import Update, indirect_share, light_met, texel_rays
+from lightloom.golden_model.engine.selection.policy import POLICIES
 from lightloom.golden_model.numerics.directions import tangent_of
 from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.assemble import assemble

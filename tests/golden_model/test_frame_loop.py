@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.contract.formats import LIKELY
+from lightloom.golden_model.engine.sampling.settings import Sampling
+from lightloom.golden_model.engine.selection.policy import POLICIES, Policy
+from lightloom.golden_model.engine.selection.selector import FrameContext, Selector
 from lightloom.golden_model.frame.frame_rays import FrameShading
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.machine.cost_model import Machine
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
-from lightloom.golden_model.maintenance.selection.selector import FrameContext, Selector
 from lightloom.golden_model.renderer import FrameResult, Pipeline, Renderer
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.pose import moved_records

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.charts.unwrap import unwrap
-from lightloom.golden_model.maintenance.sampling.running_average import Blending
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.maintenance.selection.policy import POLICIES
+from lightloom.golden_model.engine.sampling.running_average import Blending
+from lightloom.golden_model.engine.sampling.settings import Sampling
+from lightloom.golden_model.engine.selection.policy import POLICIES
 from lightloom.golden_model.numerics.floats import half_to_float
 from lightloom.golden_model.oracle.converged_maps import Reference
 from lightloom.golden_model.renderer import Renderer

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.contract.formats import POINT_LIGHT
+from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.frame.frame_rays import FrameShading
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.oracle.converged_maps import Reference
 from lightloom.golden_model.rays.surface_shading import readable
 from lightloom.golden_model.renderer import FrameResult, Pipeline, Renderer

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.contract.formats import HIT
+from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.frame.frame_rays import FrameShading
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.oracle.converged_maps import Reference
 from lightloom.golden_model.oracle.path_tracer import irradiance
 from lightloom.golden_model.oracle.true_picture import true_picture

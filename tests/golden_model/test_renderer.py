@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.engine.sampling.settings import Sampling
+from lightloom.golden_model.engine.selection.policy import POLICIES
 from lightloom.golden_model.host.errors import InputError
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.maintenance.selection.policy import POLICIES
 from lightloom.golden_model.numerics.floats import half_to_float
 from lightloom.golden_model.numerics.vectors import vector
 from lightloom.golden_model.oracle.path_tracer import irradiance

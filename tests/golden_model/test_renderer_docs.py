@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.contract import bitpack, formats
+from lightloom.golden_model.engine.sampling.settings import Sampling
+from lightloom.golden_model.engine.selection.classes import class_table
+from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.frame.rasterizer import Rasterization
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.maintenance.selection.classes import class_table
-from lightloom.golden_model.maintenance.selection.policy import Policy
 from lightloom.golden_model.numerics.directions import COUNT, ROTATIONS
 from lightloom.golden_model.rays.collector import Packing
 from lightloom.golden_model.scene.lightmap import SIDE, SIDE_LEVELS

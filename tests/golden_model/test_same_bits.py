@@ -11,8 +11,8 @@ import pytest
 
 from lightloom.golden_model.charts.curved import default_cache
 from lightloom.golden_model.charts.unwrap import unwrap
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.maintenance.selection.policy import POLICIES
+from lightloom.golden_model.engine.sampling.settings import Sampling
+from lightloom.golden_model.engine.selection.policy import POLICIES
 from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.scene.lightmap import Lightmaps

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.frame.frame_rays import FrameShading
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.oracle.converged_maps import Reference
 from lightloom.golden_model.oracle.true_picture import true_picture
 from lightloom.golden_model.renderer import FrameResult, Pipeline, Renderer

@@ -11,7 +11,7 @@ from lightloom.bench.counting import counted, counting
 from lightloom.bench.operations import Work, work
 from lightloom.bench.settled import Case, measure
 from lightloom.golden_model.contract.interfaces import OPERATORS
-from lightloom.golden_model.maintenance.publishing.smoothing import STEPS
+from lightloom.golden_model.engine.publishing.smoothing import STEPS
 from lightloom.golden_model.numerics import floats
 from lightloom.hardware.integer_gates import gates
 from lightloom.pages import arithmetic

@@ -4,7 +4,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from lightloom.golden_model.maintenance.selection.policy import MECHANISMS, Policy, policy_of
+from lightloom.golden_model.engine.selection.policy import MECHANISMS, Policy, policy_of
 from lightloom.pages.mechanisms import DOCS, page, pairs, policies, rows_of, write
 
 

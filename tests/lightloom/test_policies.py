@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.contract.formats import GBUFFER, TEXEL_STATE
+from lightloom.golden_model.engine.selection.policy import POLICIES, Policy
 from lightloom.golden_model.host.errors import InputError
-from lightloom.golden_model.maintenance.selection.policy import POLICIES, Policy
 from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.scene.lightmap import EMPTY, VALID

@@ -10,6 +10,9 @@ from lightloom.gen.verilog import convert
 from lightloom.golden_model.contract.bitpack import equal
 from lightloom.golden_model.models import model_results
 from lightloom.rtl.config import PRESETS
+from lightloom.rtl.engine.texel_blend import TexelBlend
+from lightloom.rtl.engine.texel_match import TexelMatch
+from lightloom.rtl.engine.texel_project import TexelProject
 from lightloom.rtl.fabric.dataflow import DataflowCore
 from lightloom.rtl.fabric.pipeline import StreamUnit
 from lightloom.rtl.intersection.box_setup import BoxSetup
@@ -17,9 +20,6 @@ from lightloom.rtl.intersection.node_test import NodeTest
 from lightloom.rtl.intersection.ray_setup import RaySetup
 from lightloom.rtl.intersection.ray_time import RayTime
 from lightloom.rtl.intersection.ray_triangle import RayTriangle
-from lightloom.rtl.maintenance.texel_blend import TexelBlend
-from lightloom.rtl.maintenance.texel_match import TexelMatch
-from lightloom.rtl.maintenance.texel_project import TexelProject
 from lightloom.sim.bulk import BulkUnit
 from lightloom.verif.vectors.unit_vectors import unit_vectors
 from tests import ROOT

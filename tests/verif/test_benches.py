@@ -9,12 +9,12 @@ import pytest
 from lightloom.gen.verilog import convert, verilog_of
 from lightloom.golden_model.contract.interfaces import OPERATORS, PURE
 from lightloom.rtl.config import PRESETS
+from lightloom.rtl.engine.texel_blend import TexelBlend
+from lightloom.rtl.engine.texel_match import TexelMatch
+from lightloom.rtl.engine.texel_project import TexelProject
 from lightloom.rtl.fabric.dataflow import DataflowCore
 from lightloom.rtl.fabric.pipeline import StreamUnit
 from lightloom.rtl.intersection.ray_triangle import RayTriangle
-from lightloom.rtl.maintenance.texel_blend import TexelBlend
-from lightloom.rtl.maintenance.texel_match import TexelMatch
-from lightloom.rtl.maintenance.texel_project import TexelProject
 from lightloom.sim.runner import BenchError, run_bench
 from lightloom.verif.vectors.unit_vectors import unit_vectors
 from tests.simulators import SIMULATORS, needs_icarus

@@ -14,7 +14,7 @@ from lightloom.golden_model.contract.formats import (
     SEEN,
     TAPS,
 )
-from lightloom.golden_model.maintenance.selection.texel_match import depth_tolerance
+from lightloom.golden_model.engine.selection.texel_match import depth_tolerance
 from lightloom.golden_model.numerics.floats import flush, quiet
 from lightloom.verif.bins.coverage import Groups, cases
 from lightloom.verif.bins.number_bins import classes, signed

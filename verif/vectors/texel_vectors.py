@@ -19,7 +19,7 @@ from lightloom.golden_model.contract.formats import (
     TEXEL_PROJECT,
     field_width,
 )
-from lightloom.golden_model.maintenance.selection.texel_match import depth_tolerance
+from lightloom.golden_model.engine.selection.texel_match import depth_tolerance
 from lightloom.golden_model.numerics.floats import quiet
 from lightloom.verif.vectors.ray_vectors import Family, Generator, mixture, raw, specials
 

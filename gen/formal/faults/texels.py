@@ -2,7 +2,7 @@
 
 from lightloom.gen.formal.mutations import Mutation
 
-FOLDER, OPERATORS = "rtl/maintenance/", "rtl/operators/"
+FOLDER, OPERATORS = "rtl/engine/", "rtl/operators/"
 CHECKS = {
     f"{FOLDER}{unit}.py": (f"tests/rtl/test_intervals.py::test_agrees_with_the_model[{core}-{interval}]",)
     for unit, core, interval in (

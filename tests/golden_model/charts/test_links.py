@@ -8,7 +8,7 @@ import pytest
 from lightloom.golden_model.charts.read_levels import deepest_levels
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.contract.formats import TEXEL_STATE
-from lightloom.golden_model.maintenance.publishing.publisher import Publisher
+from lightloom.golden_model.engine.publishing.publisher import Publisher
 from lightloom.golden_model.rays.surface_shading import readable
 from lightloom.golden_model.scene.lightmap import BURIED, DOWN, RIGHT, VALID, Lightmaps, joined, sample
 from lightloom.golden_model.scene.scene import Scene

@@ -14,8 +14,8 @@ from lightloom.golden_model.charts.planar import GAP, pack
 from lightloom.golden_model.charts.texels import texel_records
 from lightloom.golden_model.charts.unwrap import object_charts, unwrap
 from lightloom.golden_model.contract.formats import TEXEL_STATE
+from lightloom.golden_model.engine.publishing.publisher import Publisher
 from lightloom.golden_model.host.errors import InputError
-from lightloom.golden_model.maintenance.publishing.publisher import Publisher
 from lightloom.golden_model.numerics.vectors import interpolate
 from lightloom.golden_model.rays.surface_shading import readable
 from lightloom.golden_model.scene.assemble import assemble

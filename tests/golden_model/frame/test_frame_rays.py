@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lightloom.golden_model.engine.sampling.accumulate import fraction_bits
 from lightloom.golden_model.frame.compositor import blend_frame
 from lightloom.golden_model.frame.frame_rays import FrameRays, FrameShading, trace_frame
 from lightloom.golden_model.frame.ray_buffer import RayBuffer
 from lightloom.golden_model.host.errors import InputError
-from lightloom.golden_model.maintenance.sampling.accumulate import fraction_bits
 from lightloom.golden_model.rays.collector import FRAGMENT_SHADING, FRAME_SHADER, Packing
 from lightloom.golden_model.rays.surface_shading import ray_weights, shade_pixels
 from lightloom.golden_model.scene.lights import lights_of

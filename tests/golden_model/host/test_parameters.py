@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from lightloom.golden_model.engine.sampling.running_average import Blending
+from lightloom.golden_model.engine.sampling.settings import Sampling
+from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.parameters import Parameter, check, choice, flag, number, parameters
 from lightloom.golden_model.machine.budget_controller import BudgetPolicy
 from lightloom.golden_model.machine.cost_model import Machine, RayCounts
-from lightloom.golden_model.maintenance.sampling.running_average import Blending
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
-from lightloom.golden_model.maintenance.selection.policy import Policy
 
 
 @dataclass(frozen=True)

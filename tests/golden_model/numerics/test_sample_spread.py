@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lightloom.golden_model.contract.formats import RELATIVE_MAX
-from lightloom.golden_model.maintenance.sampling.accumulate import (
+from lightloom.golden_model.engine.sampling.accumulate import (
     at_rest,
     brightness_of,
     light_of,

@@ -9,7 +9,7 @@ from PIL import Image
 
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.pictures.images import atlas, exposure_for, tonemap, write_exr, write_film, write_png
-from tests.golden_model.maintenance.publishing.test_publisher import maps_of
+from tests.golden_model.engine.publishing.test_publisher import maps_of
 
 
 def test_tonemap_is_srgb_below_the_shoulder_and_monotonic_above() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from lightloom.golden_model.scene.lightmap import Levels, Lightmaps, bilinear, bilinear_taps, levels_of, sample
 from tests.exact import Number, decode, encode
-from tests.golden_model.maintenance.publishing.test_publisher import maps_of
+from tests.golden_model.engine.publishing.test_publisher import maps_of
 
 SIZES = [(37, 21), (1, 1), (8, 8), (1, 40)]
 SPECIAL = [0.0, -0.0, 0.5, 1e-40, -1e-3, 8.001953125, 8.005859375, 16384.0, 3e9, -3e9, np.inf, -np.inf, np.nan]

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.host.errors import InputError
-from lightloom.golden_model.maintenance.sampling.settings import Sampling
 from lightloom.golden_model.rays.light_samples import direct_candidates
 from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.lights import light_count, lights_of
