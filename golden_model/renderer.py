@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 
 from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.driver.predicted_view import predicted_view
+from lightloom.golden_model.driver.report import Reporter
 from lightloom.golden_model.engine.kernels import Kernels
 from lightloom.golden_model.engine.maintainer import Maintainer, Maintenance
 from lightloom.golden_model.engine.publishing.flip_chain import LONGEST, FlipChain
@@ -29,7 +31,6 @@ from lightloom.golden_model.engine.sampling.accumulate import (
 from lightloom.golden_model.engine.sampling.gather import World
 from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.engine.selection.policy import Policy
-from lightloom.golden_model.engine.selection.predicted_view import predicted_view
 from lightloom.golden_model.engine.selection.selector import FrameContext
 from lightloom.golden_model.frame.compositor import MODES, blend_frame, show_beyond
 from lightloom.golden_model.frame.frame_rays import FrameRayFigures, FrameRays, FrameShading
@@ -188,7 +189,8 @@ class Renderer:
         self.textures = build_textures(scene.textures)
         self.fraction = fraction_bits(scene, self.sampling.balanced)
         kernels = Kernels(backend, threads)
-        self.maintainer = Maintainer(lightmaps, scene, self.sampling, self.policy, seed, kernels)
+        self.maintainer = Maintainer(lightmaps, self.sampling, self.policy, seed, kernels)
+        self.reporter = Reporter(scene, self.policy)
         self.publisher = Publisher(lightmaps, kernels.smoother(lightmaps) if self.pipeline.smoothing else None)
         self.next_frame = 0
         """Number of the frame that `frame` renders next."""
@@ -373,18 +375,25 @@ class Renderer:
     def _context(self, world: World, drawn: _Drawn, collector: Collector) -> FrameContext:
         """What the selection of the next frame looks at, with the surfaces of the frame `drawn`."""
         scene, frame = world.scene, self.next_frame
+        trace = partial(collector.now, MAINTENANCE)
+        allowed = self.policy.selection_rays(self.budget, self.sampling.reserve(scene.specular))
+        report = self.reporter.report(scene_at(self.scene, max(frame - 1, 0)), scene, trace, allowed)
         coming = predicted_view(scene, frame, self.width, self.height, self.policy)
         return FrameContext(
             frame=frame,
-            before=scene_at(self.scene, max(frame - 1, 0)),
-            after=scene,
+            records=report.records,
+            record_rays=report.rays,
+            boxes=report.boxes,
+            rotation=scene.rotation,
+            translation=scene.translation,
+            texel_size=scene.texel_size,
             lightmaps=world.lightmaps,
             state=self.state,
             values=world.surfaces.irradiance[: len(self.state)],
             view=drawn.view,
             gbuffer=drawn.gbuffer,
             predicted=None if coming is None else (coming, draw(coming, self._mesh(scene)).gbuffer),
-            trace=partial(collector.now, MAINTENANCE),
+            trace=trace,
         )
 
     def picture(self, result: FrameResult, published: np.ndarray) -> np.ndarray:

@@ -36,6 +36,7 @@ MAY_IMPORT = {
 FLOORS: dict[str, tuple[set[str], ...]] = {
     "golden_model": (
         {"renderer", "oracle", "models"},
+        {"driver"},
         {"engine", "frame", "charts", "stimuli"},
         {"tracing", "rays", "pictures"},
         {"scene", "machine"},

@@ -509,6 +509,8 @@ MOST_OCTAVES = 6
 """The greatest `octaves`."""
 WHOLE_CHANGE = MOST_OCTAVES + 2 * (CHANGE_LEVELS - 1) + 1
 """Expected changes are 0 to WHOLE_CHANGE: 0 is none, e is the 2**(WHOLE_CHANGE - e)-th part of the light."""
+VOLUME, SHADOW, FOOTPRINT = range(3)
+"""Kinds of INFLUENCE records."""
 INFLUENCE = np.dtype(
     [
         ("kind", bits(2)),

@@ -22,7 +22,6 @@ from lightloom.golden_model.numerics.floats import LARGEST_HALF
 from lightloom.golden_model.rays.collector import Collector
 from lightloom.golden_model.rays.waves import Waves
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
-from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.scene.sides import firsts_first, sides_of
 
 
@@ -73,17 +72,16 @@ class Maintainer:
     def __init__(
         self,
         lightmaps: Lightmaps,
-        scene: Scene,
         sampling: Sampling,
         policy: Policy,
         seed: int,
         kernels: Kernels | None = None,
     ):
-        """Lightmaps and scene at rest; without `kernels` NumPy's."""
+        """Lightmaps at rest; without `kernels` NumPy's."""
         self.sampling, self.policy, self.seed = sampling, policy, seed
         self.state = np.zeros(len(lightmaps.texels), dtype=TEXEL_STATE)
         """TEXEL_STATE (N,)."""
-        self.selector = Selector(lightmaps, scene, policy, (kernels or Kernels()).screen_test)
+        self.selector = Selector(lightmaps, policy, (kernels or Kernels()).screen_test)
         self._owner = lightmaps.texels["object"]
         self._maps = len(lightmaps.width)
         self._side = sides_of(lightmaps)

@@ -12,7 +12,17 @@ import numpy as np
 
 from lightloom.bench.counting import Operation, Tally, counted, counting, paused
 from lightloom.golden_model.charts.unwrap import unwrap
-from lightloom.golden_model.contract.formats import CHANGE_LEVELS, COUNT_MAX, INFLUENCE, ONE_SAMPLE, TEXEL_STATE
+from lightloom.golden_model.contract.formats import (
+    CHANGE_LEVELS,
+    COUNT_MAX,
+    INFLUENCE,
+    ONE_SAMPLE,
+    SHADOW,
+    TEXEL_STATE,
+    VOLUME,
+)
+from lightloom.golden_model.driver.changes import table_of
+from lightloom.golden_model.driver.report import loose_bounds
 from lightloom.golden_model.engine.drift import departures
 from lightloom.golden_model.engine.publishing.filling import Filler
 from lightloom.golden_model.engine.publishing.mipmaps import renew_levels
@@ -25,9 +35,7 @@ from lightloom.golden_model.engine.sampling.running_average import blend_texels
 from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.engine.sampling.texel_rays import Update
 from lightloom.golden_model.engine.selection.culling import region_boxes
-from lightloom.golden_model.engine.selection.influence.changes import table_of
-from lightloom.golden_model.engine.selection.influence.reach import loose_bounds, texel_changes
-from lightloom.golden_model.engine.selection.influence.volumes import SHADOW, VOLUME
+from lightloom.golden_model.engine.selection.influence.reach import texel_changes
 from lightloom.golden_model.engine.selection.intervals import Interval
 from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.engine.selection.screen_test import pixels_of, screen_test, to_match, to_project
@@ -129,15 +137,18 @@ def _selection(room: Room) -> list[Step]:
         _called(texel_match)(counted(matched))
     context = FrameContext(
         frame=9,
-        before=room.scene,
-        after=room.scene,
+        records=np.zeros(0, dtype=INFLUENCE),
+        boxes=_boxes(room),
+        rotation=room.scene.rotation,
+        translation=room.scene.translation,
+        texel_size=size,
         lightmaps=replace(maps, texels=counted(maps.texels)),
         state=counted(room.state),
         view=room.view,
         gbuffer=counted(room.gbuffer),
         predicted=(room.view, counted(room.gbuffer)),
     )
-    selector = Selector(maps, room.scene, replace(policy, cull=False))
+    selector = Selector(maps, replace(policy, cull=False))
     with counting() as whole:
         selector.plan(context, budget=20 * UPDATES, cost=20)
     with counting() as sight:
@@ -153,6 +164,11 @@ def _selection(room: Room) -> list[Step]:
     ]
 
 
+def _boxes(room: Room) -> np.ndarray:
+    """Loose bounds of its maps."""
+    return loose_bounds(table_of(room.scene), room.scene, Policy())
+
+
 def _regions(room: Room) -> list[Step]:
     """Of what leaves regions out."""
     regions = region_boxes(room.maps)
@@ -160,7 +176,7 @@ def _regions(room: Room) -> list[Step]:
     regions = replace(regions, position=position, normal=normal)
     count, name = len(regions.filled), "selection/culling.RegionBoxes"
     with counting() as posed:
-        regions.posed(room.scene)
+        regions.posed(room.scene.rotation, room.scene.translation)
     with counting() as seen:
         regions.on_screen(room.view, room.scene.texel_size, Policy())
     return [
@@ -172,7 +188,7 @@ def _regions(room: Room) -> list[Step]:
 def _influence(room: Room, valid: np.ndarray) -> list[Step]:
     """Of records that reach all of the room."""
     maps, count, steps = replace(room.maps, texels=counted(room.maps.texels)), int(valid.sum()), []
-    boxes = loose_bounds(table_of(room.scene), room.scene, Policy())
+    boxes = _boxes(room)
     for name, kind in (("a volume's reach", VOLUME), ("a shadow's reach", SHADOW)):
         record = np.zeros(1, dtype=INFLUENCE)
         record["kind"], record["facing"], record["level"], record["surface"] = kind, kind == VOLUME, CHANGE_LEVELS, -1

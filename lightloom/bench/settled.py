@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 
 from lightloom.golden_model.charts.unwrap import unwrap
-from lightloom.golden_model.contract.formats import COUNT_MAX, FRAMES, ONE_SAMPLE, TEXEL_STATE
+from lightloom.golden_model.contract.formats import COUNT_MAX, FRAMES, INFLUENCE, ONE_SAMPLE, TEXEL_STATE
+from lightloom.golden_model.driver.changes import table_of
+from lightloom.golden_model.driver.predicted_view import predicted_view
+from lightloom.golden_model.driver.report import loose_bounds
 from lightloom.golden_model.engine.kernels import Kernels
 from lightloom.golden_model.engine.publishing.regions import Regions, regions_of
 from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.engine.selection.culling import region_boxes
 from lightloom.golden_model.engine.selection.policy import Policy
-from lightloom.golden_model.engine.selection.predicted_view import predicted_view
 from lightloom.golden_model.engine.selection.screen_test import to_project
 from lightloom.golden_model.engine.selection.selector import FrameContext, Selector
 from lightloom.golden_model.engine.selection.texel_project import texel_project
@@ -75,7 +77,7 @@ def measure(case: Case, backend: str = "auto") -> Frame:
     scene = load_scene(case.scene)
     maps = unwrap(scene, case.texel, trace=Structure(scene, backend).trace)
     policy = replace(Policy(), together=case.together)
-    selector, regions = Selector(maps, scene, policy, Kernels(backend).screen_test), regions_of(maps)
+    selector, regions = Selector(maps, policy, Kernels(backend).screen_test), regions_of(maps)
     rng, valid = np.random.default_rng(SEED), maps.texels["state"] == VALID
     state = np.zeros(len(valid), dtype=TEXEL_STATE)
     state["count"][valid] = ONE_SAMPLE * rng.integers(4, 20, int(valid.sum()))
@@ -128,8 +130,11 @@ def _seen(
     coming = predicted_view(scene, frame, case.width, case.height, policy)
     context = FrameContext(
         frame=frame,
-        before=scene,
-        after=scene,
+        records=np.zeros(0, dtype=INFLUENCE),
+        boxes=loose_bounds(table_of(scene), scene, policy),
+        rotation=scene.rotation,
+        translation=scene.translation,
+        texel_size=scene.texel_size,
         lightmaps=maps,
         state=state,
         view=view,
@@ -152,7 +157,7 @@ def _above(regions: Regions, written: np.ndarray) -> int:
 
 def _kept(maps: Lightmaps, valid: np.ndarray, views: list[View], scene: Scene, policy: Policy) -> np.ndarray:
     """The valid texels of regions that are not left out, (views, N) bool."""
-    regions = region_boxes(maps).posed(scene)
+    regions = region_boxes(maps).posed(scene.rotation, scene.translation)
     seen = np.stack([regions.on_screen(view, scene.texel_size, policy) for view in views])
     return seen[:, regions.of_texel] & valid
 

@@ -53,7 +53,7 @@ CONSTANTS = (
     *("engine.sampling.gather", "engine.sampling.running_average", "engine.sampling.settings"),
     *("engine.sampling.texel_rays", "engine.selection.classes", "engine.selection.policy"),
     *("engine.selection.tracking", "engine.selection.variability", "engine.selection.influence.reach"),
-    *("engine.selection.influence.volumes", "engine.publishing.filling"),
+    *("driver.volumes", "engine.publishing.filling"),
     *("engine.publishing.smoothing", "engine.publishing.mipmaps", "engine.publishing.flip_chain"),
 )
 """Modules whose constants are part of the arithmetic."""

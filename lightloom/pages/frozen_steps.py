@@ -303,9 +303,8 @@ The host makes it, and may make it otherwise; hardware reads what comes of it.
   fills and what they are read between, the order of turns, the unit of light and the accumulators' binary point
   (`fraction_bits`), lights' tables (`lights_of`: float64), sky tables, textures.
 - **Every frame**: poses, cameras, the predicted view, the tree over the triangles (any tree gives the same hits), the
-  G-buffer until there is a rasterizer, what changed and its INFLUENCE records (`influence.volumes`,
-  `influence.changes`: float64; `influence.footprints`), loose boxes of maps, the lights' tables where they move, the
-  budget.
+  G-buffer until there is a rasterizer, what changed and its INFLUENCE records (`driver.volumes`, `driver.changes`:
+  float64; `driver.footprints`), loose boxes of maps (`driver.report`), the lights' tables where they move, the budget.
 - **Before the first frame**: how many rounds of priming, when light has come to rest, and in which frames what comes
   later is sampled. A round itself is updates.
 - **Pictures**: fragments, the rays of a frame and the display are not maintenance; their reads of the maps are those

@@ -8,6 +8,8 @@ import numpy as np
 
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL_STATE
+from lightloom.golden_model.driver.report import Reporter
+from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.engine.selection.selector import FrameContext
 from lightloom.golden_model.frame.rasterizer import rasterize
 from lightloom.golden_model.numerics.vectors import vector
@@ -38,20 +40,26 @@ class Stage:
         return view, rasterize(view, scene.triangles, scene.normals, scene.object_id, self.lightmaps.uv)
 
     def context(self, frame: int = 0, size: int = 64, state: np.ndarray | None = None, **more: Any) -> FrameContext:
+        """Of a frame; `policy` and `rays` are what changes are reported with."""
+        policy, rays = more.pop("policy", Policy()), more.pop("rays", 0)
         scene = scene_at(self.scene, frame)
         self.structure.update(scene)
         view, gbuffer = self.draw(scene.camera, frame, size, size)
         fields: dict[str, Any] = {
             "frame": frame,
-            "before": scene_at(self.scene, max(frame - 1, 0)),
-            "after": scene,
+            "rotation": scene.rotation,
+            "translation": scene.translation,
+            "texel_size": scene.texel_size,
             "lightmaps": moved_records(self.lightmaps, scene),
             "state": self.state() if state is None else state,
             "view": view,
             "gbuffer": gbuffer,
             "trace": self.structure.trace,
         }
-        return FrameContext(**{**fields, **more})
+        fields |= more
+        before = scene_at(self.scene, max(frame - 1, 0))
+        report = Reporter(self.scene, policy).report(before, scene, fields["trace"], rays)
+        return FrameContext(records=report.records, record_rays=report.rays, boxes=report.boxes, **fields)
 
     def state(self, count: int = 0) -> np.ndarray:
         """TEXEL_STATE of texels that all have so many samples."""

@@ -25,8 +25,6 @@ from tests.golden_model.test_frame_loop import room
 SEED = 8
 HOST = (
     "tracing.bvh.",  # units follow `tracing.wide_bvh`
-    "engine.selection.influence.changes",  # what is different, from poses: float64
-    "engine.selection.influence.volumes",
     "scene.lights",  # `lights_of`, the table of lights: float64
     "scene.scene",
     "scene.ray_offset",

@@ -19,7 +19,6 @@ from lightloom.golden_model.engine.selection.screen_test import facing_shift
 from lightloom.golden_model.numerics.floats import fixed_to_float, float_minmax, float_to_fixed_down, flush, quiet
 from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.pinhole import View
-from lightloom.golden_model.scene.scene import Scene
 
 NOWHERE = np.float32(np.inf)
 """Of a region without texels: `low` of its boxes, and less it `high`."""
@@ -41,10 +40,10 @@ class RegionBoxes:
     """Of their normals, (R, 3)."""
 
     @quiet
-    def posed(self, scene: Scene) -> "RegionBoxes":
-        """Of those at rest, in the pose of a frame's scene."""
-        rotation = scene.rotation[self.object]
-        position = _turned(rotation, self.position) + scene.translation[self.object]
+    def posed(self, rotation: np.ndarray, translation: np.ndarray) -> "RegionBoxes":
+        """Of those at rest, in the poses of a frame: rotations (O, 3, 3), translations (O, 3)."""
+        rotation = rotation[self.object]
+        position = _turned(rotation, self.position) + translation[self.object]
         return replace(self, position=position, normal=_turned(rotation, self.normal))
 
     @quiet

@@ -231,6 +231,13 @@ class Policy:
         if self.sweep + self.probe > SHARE:
             raise InputError(f"policy sweep {self.sweep} and probe {self.probe}: together at most {SHARE}")
 
+    def selection_rays(self, budget: int, cost: int) -> int:
+        """Rays that visibility and footprints may take together of a frame's `budget`, where a texel takes `cost`.
+
+        A share of it, and never the price of the last update.
+        """
+        return max(min(budget * self.rays_share // SHARE, budget - cost), 0)
+
 
 _VISIBILITY = Policy(notice=False, influence="off", drift=False)
 _VARIABILITY = replace(_VISIBILITY, variability_bits=2)

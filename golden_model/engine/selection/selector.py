@@ -14,10 +14,7 @@ from lightloom.golden_model.contract.formats import COUNT_MAX, LIKELY, SEEN
 from lightloom.golden_model.engine.sampling.running_average import drop
 from lightloom.golden_model.engine.selection.classes import Share, class_table, classes_of, needs, quotas
 from lightloom.golden_model.engine.selection.culling import RegionBoxes, region_boxes
-from lightloom.golden_model.engine.selection.influence.changes import table_of
-from lightloom.golden_model.engine.selection.influence.footprints import footprints
-from lightloom.golden_model.engine.selection.influence.reach import loose_bounds, texel_changes, touched
-from lightloom.golden_model.engine.selection.influence.volumes import volumes
+from lightloom.golden_model.engine.selection.influence.reach import texel_changes, touched
 from lightloom.golden_model.engine.selection.neighbourhoods import Windows
 from lightloom.golden_model.engine.selection.policy import CLASSES, SHARE, Policy
 from lightloom.golden_model.engine.selection.round_robin import RoundRobin
@@ -27,7 +24,6 @@ from lightloom.golden_model.engine.selection.variability import Variability
 from lightloom.golden_model.engine.selection.visibility import Visibility
 from lightloom.golden_model.scene.lightmap import SIDE_LEVELS, VALID, Lightmaps, row_and_column
 from lightloom.golden_model.scene.pinhole import View
-from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.trace_protocol import Trace
 
 
@@ -58,10 +54,18 @@ class FrameContext:
 
     frame: int
     """Its number, 0 or more."""
-    before: Scene
-    """The scene of the frame before; of the first frame the same as `after`."""
-    after: Scene
-    """The scene of this frame."""
+    records: np.ndarray
+    """INFLUENCE (K,): what became different since the frame before."""
+    record_rays: int = 0
+    """Rays of this frame's budget that were traced to find the records."""
+    boxes: np.ndarray
+    """Loose bounds of the O maps, (O, 2, 3) float32; low is above high for an object that is not there."""
+    rotation: np.ndarray
+    """Poses of the maps' objects, (O, 3, 3) float32."""
+    translation: np.ndarray
+    """(O, 3) float32."""
+    texel_size: float
+    """Side of a texel at rest, in the scene's unit."""
     lightmaps: Lightmaps
     """With the records of this frame's pose (`pose.moved_records`)."""
     state: np.ndarray
@@ -74,7 +78,7 @@ class FrameContext:
     predicted: tuple[View, np.ndarray] | None = None
     """A view to come (`predicted_view.predicted_view`) and its GBUFFER; None: nothing is predicted."""
     trace: Trace | None = None
-    """Traces this frame's scene; None: no ray decides on visibility, and there are no footprints."""
+    """Traces this frame's scene; None: no ray decides on visibility."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,14 +130,11 @@ class Plan:
 class Selector:
     """The selection of one scene's lightmaps over a sequence of frames."""
 
-    def __init__(
-        self, lightmaps: Lightmaps, scene: Scene, policy: Policy | None = None, test: ScreenTest = screen_test
-    ):
-        """Lightmaps and scene at rest."""
+    def __init__(self, lightmaps: Lightmaps, policy: Policy | None = None, test: ScreenTest = screen_test):
+        """Lightmaps at rest."""
         self.policy = policy or Policy()
         self.order = coarse_to_fine(lightmaps, self.policy.together)
         """The texels in the order in which they are read and take their turns, (V,) int64."""
-        self._table = table_of(scene)
         self._classes = class_table(self.policy)
         windows = Windows(lightmaps)
         self._windows = windows
@@ -156,10 +157,9 @@ class Selector:
         """
         policy, maps = self.policy, context.lightmaps
         valid = self._exists & (maps.texels["state"] == VALID)
-        allowed = self._allowed(budget, cost)
-        records, footprint_rays = self._changes(context, allowed)
-        boxes = loose_bounds(self._table, context.after, policy)
-        regions = None if self._regions is None else self._regions.posed(context.after)
+        allowed = policy.selection_rays(budget, cost)
+        records, footprint_rays, boxes = context.records, context.record_rays, context.boxes
+        regions = None if self._regions is None else self._regions.posed(context.rotation, context.translation)
         influence, expected = texel_changes(records, boxes, maps, valid, regions)
         sight, visibility_rays = self._look(context, valid, allowed - footprint_rays, regions)
         bins = self._variability.look(context.state, context.values, valid)
@@ -199,7 +199,7 @@ class Selector:
         For frames of `budget` rays and `cost` a texel. The sweep goes round V texels, and takes floor(F u s / 256) - 1
         in F frames of u certain updates with a share s (`Share.of`).
         """
-        certain = (budget - self._allowed(budget, cost)) // cost
+        certain = (budget - self.policy.selection_rays(budget, cost)) // cost
         share = self.policy.sweep or self.policy.probe
         return -(-(len(self.order) + 1) * SHARE // (certain * share)) if certain * share else 1 << 62
 
@@ -207,19 +207,6 @@ class Selector:
         """Says that the first `count` of the plan's spare texels are updated too: their turns have passed."""
         for texel, rank in zip(plan.spare[:count], plan.spare_class[:count], strict=True):
             self._turns[rank].pass_over(int(self._place[texel]))
-
-    def _allowed(self, budget: int, cost: int) -> int:
-        """Rays that visibility and footprints may take together: a share, and never the price of the last update."""
-        return max(min(budget * self.policy.rays_share // SHARE, budget - cost), 0)
-
-    def _changes(self, context: FrameContext, rays: int) -> tuple[np.ndarray, int]:
-        """INFLUENCE (K,) of this frame, and the rays traced for them."""
-        policy = self.policy
-        records = volumes(self._table, context.before, context.after, policy)
-        if policy.influence != "footprints" or context.trace is None:
-            return records, 0
-        found, traced = footprints(self._table, context.before, context.after, policy, context.trace, rays)
-        return np.concatenate([records, found]), traced
 
     def _look(
         self, context: FrameContext, valid: np.ndarray, rays: int, regions: RegionBoxes | None
@@ -232,7 +219,7 @@ class Selector:
             valid,
             context.view,
             context.gbuffer,
-            context.after.texel_size,
+            context.texel_size,
             predicted=context.predicted,
             trace=context.trace,
             rays=rays,

@@ -6,29 +6,15 @@ float32, multiplications and comparisons.
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import CHANGE_LEVELS, WHOLE_CHANGE
+from lightloom.golden_model.contract.formats import CHANGE_LEVELS, FOOTPRINT, SHADOW, WHOLE_CHANGE
 from lightloom.golden_model.engine.selection.culling import RegionBoxes
-from lightloom.golden_model.engine.selection.influence.changes import Table, bounds
 from lightloom.golden_model.engine.selection.influence.region_reach import reached_regions
-from lightloom.golden_model.engine.selection.influence.volumes import FOOTPRINT, SHADOW
-from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.vectors import dot
 from lightloom.golden_model.scene.lightmap import Lightmaps
-from lightloom.golden_model.scene.scene import Scene
 
 _PARTS = (np.float32(1), np.float32(0.5), np.float32(0.25))
 """Of the reach, for levels 1, 2, 3: half the distance is four times the effect."""
-
-
-def loose_bounds(table: Table, scene: Scene, policy: Policy) -> np.ndarray:
-    """Boxes of the lightmaps of all objects, larger by `influence_slack` texels: (O, 2, 3) float32, low and high.
-
-    For an absent object low is above high, so that nothing overlaps.
-    """
-    slack = scene.texel_size * policy.influence_slack
-    boxes = [bounds(table, scene, number) for number in range(len(scene.object_names))]
-    return np.array([[box.low - slack, box.high + slack] for box in boxes], dtype=np.float32)
 
 
 @quiet

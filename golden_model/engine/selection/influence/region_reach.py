@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from lightloom.golden_model.contract.formats import FOOTPRINT, SHADOW
 from lightloom.golden_model.engine.selection.culling import RegionBoxes
-from lightloom.golden_model.engine.selection.influence.volumes import FOOTPRINT, SHADOW
 from lightloom.golden_model.engine.selection.intervals import Interval
 from lightloom.golden_model.numerics.floats import flush, quiet
 

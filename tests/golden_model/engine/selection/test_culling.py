@@ -5,11 +5,10 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from lightloom.golden_model.contract.formats import INFLUENCE
+from lightloom.golden_model.contract.formats import FOOTPRINT, INFLUENCE, SHADOW, VOLUME
 from lightloom.golden_model.engine.selection.culling import region_boxes
 from lightloom.golden_model.engine.selection.influence.reach import texel_changes
 from lightloom.golden_model.engine.selection.influence.region_reach import reached_regions
-from lightloom.golden_model.engine.selection.influence.volumes import FOOTPRINT, SHADOW, VOLUME
 from lightloom.golden_model.engine.selection.intervals import Interval
 from lightloom.golden_model.engine.selection.policy import POLICIES, Policy
 from lightloom.golden_model.engine.selection.screen_test import to_project
@@ -82,7 +81,7 @@ def test_no_texel_of_a_region_that_is_left_out_is_on_the_screen(rng: np.random.G
         scene = scene_at(STAGE.scene, int(rng.integers(0, 21)))
         policy = Policy(facing_slack=float(rng.choice([0, 2.0**-12, 0.0625, 1])))
         size, view = 10.0 ** rng.uniform(-1, 2), random_view(rng)
-        regions, texels = resting.posed(scene), moved_records(maps, scene).texels
+        regions, texels = resting.posed(scene.rotation, scene.translation), moved_records(maps, scene).texels
         there = regions.on_screen(view, size, policy)
         place = texel_project(to_project(texels["position"], texels["normal"], view, size, policy))
         found = place["visible"] & (texels["state"] == VALID)
@@ -90,7 +89,7 @@ def test_no_texel_of_a_region_that_is_left_out_is_on_the_screen(rng: np.random.G
         assert not len(wrong), f"texel {wrong[0]} is visible from {view}"
         left_out += int((~there & regions.filled).sum())
         visible += len(np.unique(regions.of_texel[found]))
-    filled = 60 * int(resting.posed(STAGE.scene).filled.sum())
+    filled = 60 * int(resting.posed(STAGE.scene.rotation, STAGE.scene.translation).filled.sum())
     print(f"{left_out / filled:.3f} left out, {1 - visible / filled:.3f} could be")
     assert left_out > 0.75 * (filled - visible)
 
@@ -101,7 +100,7 @@ def test_no_texel_of_a_region_that_is_left_out_is_reached(rng: np.random.Generat
     left_out = reached = looked = 0
     for _ in range(100):
         scene, record = scene_at(STAGE.scene, int(rng.integers(0, 21))), random_record(rng)
-        regions, moved = resting.posed(scene), moved_records(maps, scene)
+        regions, moved = resting.posed(scene.rotation, scene.translation), moved_records(maps, scene)
         valid = moved.texels["state"] == VALID
         levels, expected = texel_changes(record[None], everywhere, moved, valid)
         with_culling = texel_changes(record[None], everywhere, moved, valid, regions)
@@ -120,7 +119,7 @@ def test_nothing_is_left_out_where_numbers_overflow_or_vanish(scale: float, rng:
     factor, policy = np.float32(scale / EXTENT), Policy()
     texels = STAGE.lightmaps.texels.copy()
     texels["position"] = flush(texels["position"] * factor)
-    regions = region_boxes(replace(STAGE.lightmaps, texels=texels)).posed(STAGE.scene)
+    regions = region_boxes(replace(STAGE.lightmaps, texels=texels)).posed(STAGE.scene.rotation, STAGE.scene.translation)
     valid = texels["state"] == VALID
     for _ in range(20):
         view, size = random_view(rng), float(20 * factor)
@@ -164,7 +163,7 @@ def test_a_region_of_one_texel_is_left_out_just_where_the_texel_would_be(rng: np
             translation=np.zeros((count, 3), dtype=np.float32),
         )
         policy = Policy(facing_slack=slack)
-        found = region_boxes(maps).posed(scene).on_screen(view, size, policy)
+        found = region_boxes(maps).posed(scene.rotation, scene.translation).on_screen(view, size, policy)
         place = texel_project(to_project(maps.texels["position"], maps.texels["normal"], view, size, policy))
         assert found.tolist() == place["visible"].tolist()
 
@@ -177,11 +176,9 @@ def test_only_numbers_are_finite() -> None:
 @pytest.mark.parametrize("policy", ["visibility", "variability", "influence"])
 def test_plans_are_the_same_with_culling_and_without(policy: str) -> None:
     scenes = visited()
-    with_it, without = (
-        Selector(scenes.lightmaps, scenes.scene, replace(POLICIES[policy], cull=cull)) for cull in (True, False)
-    )
+    with_it, without = (Selector(scenes.lightmaps, replace(POLICIES[policy], cull=cull)) for cull in (True, False))
     for frame in (0, 1, 5, 9, 10, 20, 29, 30, 31):
-        context = scenes.context(frame)
+        context = scenes.context(frame, policy=POLICIES[policy])
         one, other = (selector.plan(context, budget=3000, cost=20, least=16) for selector in (with_it, without))
         for field in fields(one):
             assert np.array_equal(getattr(one, field.name), getattr(other, field.name)), (frame, field.name)

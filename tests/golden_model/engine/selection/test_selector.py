@@ -113,12 +113,13 @@ def test_no_plan_exceeds_its_budget(budget: int, cost: int, least: int, frame: i
     own = {"footprints": Policy(influence="footprints"), "invalidate": Policy(invalidate=True)}
     policy = own.get(name) or POLICIES[name]
     stage, rng = visited(), np.random.default_rng(seed)
-    selector = Selector(stage.lightmaps, stage.scene, policy)
+    selector = Selector(stage.lightmaps, policy)
     for step in range(3):
         counted = Counted(stage)
         state = random_state(stage, rng)
         values = rng.random((len(state), 3)).astype(np.float32)
-        context = stage.context(frame + step, 24, state, values=values, trace=counted)
+        rays = policy.selection_rays(budget, cost)
+        context = stage.context(frame + step, 24, state, values=values, trace=counted, policy=policy, rays=rays)
         plan = selector.plan(context, budget, cost, min(least, cost))
         assert counted.rays == sum(plan.rays.values()), seed
         assert len(plan.texel) * cost + counted.rays <= budget, seed
@@ -140,7 +141,7 @@ def test_no_plan_exceeds_its_budget(budget: int, cost: int, least: int, frame: i
 def test_no_texel_that_is_seen_starves(updates: int, cost: int, sweep: int, seed: int) -> None:
     """Whoever is likely to be seen in `longest_wait` frames in a row is sampled in one of them, whoever else comes."""
     rng = np.random.default_rng(seed)
-    selector = Blind(STAGE.lightmaps, STAGE.scene, replace(LONG, sweep=sweep, probe=16, variability_bits=0))
+    selector = Blind(STAGE.lightmaps, replace(LONG, sweep=sweep, probe=16, variability_bits=0))
     budget = updates * cost + int(rng.integers(0, cost))
     bound = selector.longest_wait(budget, cost)
     certain = (budget - min(budget * 16 // 256, budget - cost)) // cost
@@ -168,7 +169,7 @@ def test_no_texel_that_is_seen_starves(updates: int, cost: int, sweep: int, seed
 @given(updates=st.integers(50, 300), probe=st.integers(24, 128), seed=st.integers(0, 1000))
 def test_probing_comes_to_every_texel(updates: int, probe: int, seed: int) -> None:
     """Seen or not, in ceil(256 V / (updates * probe)) frames; here nothing is ever seen and some classes never win."""
-    selector = Blind(STAGE.lightmaps, STAGE.scene, replace(LONG, probe=probe, sweep=0, rays_share=0))
+    selector = Blind(STAGE.lightmaps, replace(LONG, probe=probe, sweep=0, rays_share=0))
     bound = -(-len(VALID_TEXELS) * 256 // (updates * probe))
     waiting = np.zeros(len(STAGE.lightmaps.texels), dtype=int)
     rng = np.random.default_rng(seed)
@@ -185,7 +186,7 @@ def test_probing_comes_to_every_texel(updates: int, probe: int, seed: int) -> No
 
 def rates(policy: Policy, change: Any, frames: int = 60, updates: int = 40) -> np.ndarray:
     """How often each texel of a still frame is sampled; `change` (state, frame) prepares the state."""
-    selector = Selector(STAGE.lightmaps, STAGE.scene, policy)
+    selector = Selector(STAGE.lightmaps, policy)
     context, often = STAGE.context(0, 64), np.zeros(len(STAGE.lightmaps.texels), dtype=int)
     for frame in range(frames):
         state = STAGE.state(200)
@@ -197,7 +198,7 @@ def rates(policy: Policy, change: Any, frames: int = 60, updates: int = 40) -> n
 
 
 def test_round_robin_takes_the_order_round_and_round() -> None:
-    selector = Selector(STAGE.lightmaps, STAGE.scene, POLICIES["round-robin"])
+    selector = Selector(STAGE.lightmaps, POLICIES["round-robin"])
     context = STAGE.context(0, 8)
     updates = 1000 // 7
     taken = np.concatenate([selector.plan(context, 1000, 7).texel for _ in range(12)])
@@ -206,7 +207,7 @@ def test_round_robin_takes_the_order_round_and_round() -> None:
 
 def test_seen_texels_are_sampled_more() -> None:
     often = rates(POLICIES["visibility"], lambda state: None)
-    degree = Selector(STAGE.lightmaps, STAGE.scene, STILL).plan(STAGE.context(0, 64), 100).degree
+    degree = Selector(STAGE.lightmaps, STILL).plan(STAGE.context(0, 64), 100).degree
     mean = [often[VALID_TEXELS][degree[VALID_TEXELS] == k].mean() for k in range(4)]
     assert mean[3] > 4 * mean[1] > 0
     assert mean[2] > 2 * mean[0] > 0
@@ -241,7 +242,7 @@ def test_far_texels_are_sampled_less() -> None:
 
     def lead(size: int, policy: Policy) -> float:
         state = stage.state(200)
-        plan = Selector(stage.lightmaps, stage.scene, policy).plan(stage.context(0, size, state), 100)
+        plan = Selector(stage.lightmaps, policy).plan(stage.context(0, size, state), 100)
         return float((2.0 ** plan.priority[plan.degree == SEEN].astype(int)).mean())
 
     assert lead(256, STILL) == lead(256, replace(STILL, lod_levels=0))
@@ -259,7 +260,7 @@ def test_sampling_spreads_around_texels_that_noticed_a_change() -> None:
     def plan(noticed: list[int], policy: Policy = policy) -> Plan:
         state = stage.state(200)
         state["noticed"][noticed] = True
-        return Selector(stage.lightmaps, stage.scene, policy).plan(stage.context(0, 64, state), 100)
+        return Selector(stage.lightmaps, policy).plan(stage.context(0, 64, state), 100)
 
     one = plan([middle])  # a single one may be noise: more samples around it will tell
     assert (one.change == 1).sum() == 25
@@ -283,7 +284,7 @@ def test_sampling_spreads_around_texels_that_noticed_a_change() -> None:
 def test_influence_lowers_what_texels_know_unless_that_is_off() -> None:
     stage = visited()
     for lowered in (True, False):
-        selector = Selector(stage.lightmaps, stage.scene, replace(STILL, lower=lowered))
+        selector = Selector(stage.lightmaps, replace(STILL, lower=lowered))
         plan = selector.plan(stage.context(20, 64, stage.state(200)), 100)
         assert plan.influence.any()
         assert ((plan.expected > 0) == ((plan.influence > 0) & lowered)).all()
@@ -294,7 +295,7 @@ def test_influenced_texels_get_heavy_weights_or_drop_their_values() -> None:
     plans = {}
     for invalidate in (False, True):
         policy = replace(STILL, heavy_level=3, heavy_updates=6, invalidate=invalidate)
-        selector = Selector(stage.lightmaps, stage.scene, policy)
+        selector = Selector(stage.lightmaps, policy)
         state = stage.state(200)
         plan = selector.plan(stage.context(20, 64, state), 100)
         assert (plan.heavy == (plan.influence == 3)).all()
@@ -317,7 +318,7 @@ def test_influenced_texels_get_heavy_weights_or_drop_their_values() -> None:
 def test_absent_objects_are_not_sampled() -> None:
     stage = visited()
     own = stage.lightmaps.texels["object"] == stage.scene.object_names.index("guest")
-    selector = Selector(stage.lightmaps, stage.scene, STILL)
+    selector = Selector(stage.lightmaps, STILL)
     present, absent = (selector.plan(stage.context(frame, 32), 10_000) for frame in (15, 25))
     assert own[present.texel].any()
     assert not own[absent.texel].any()
@@ -326,7 +327,7 @@ def test_absent_objects_are_not_sampled() -> None:
 
 
 def test_spare_texels_take_their_turn_when_they_are_spent() -> None:
-    first, second = (Selector(STAGE.lightmaps, STAGE.scene, replace(STILL, sweep=0, probe=0)) for _ in range(2))
+    first, second = (Selector(STAGE.lightmaps, replace(STILL, sweep=0, probe=0)) for _ in range(2))
     context = STAGE.context(0, 64)
     plan = first.plan(context, 60, 2, 1)
     assert (second.plan(context, 60, 2).texel == plan.texel).all()

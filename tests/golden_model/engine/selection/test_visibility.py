@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.contract.formats import GBUFFER, HIDDEN, LIKELY, SEEN, UNSEEN
+from lightloom.golden_model.driver.predicted_view import extrapolated, predicted_view
 from lightloom.golden_model.engine import kernels
 from lightloom.golden_model.engine.selection.neighbourhoods import Windows
 from lightloom.golden_model.engine.selection.policy import Policy
-from lightloom.golden_model.engine.selection.predicted_view import extrapolated, predicted_view
 from lightloom.golden_model.engine.selection.screen_test import Sight, screen_test
 from lightloom.golden_model.engine.selection.selector import coarse_to_fine
 from lightloom.golden_model.engine.selection.visibility import Visibility, eye_rays
@@ -48,7 +48,7 @@ def look(
         valid,
         context.view,
         context.gbuffer,
-        context.after.texel_size,
+        context.texel_size,
         predicted=predicted,
         trace=context.trace,
         rays=rays,

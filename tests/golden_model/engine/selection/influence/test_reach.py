@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.contract.formats import INFLUENCE, TEXEL, WHOLE_CHANGE
-from lightloom.golden_model.engine.selection.influence.changes import table_of
-from lightloom.golden_model.engine.selection.influence.reach import loose_bounds, texel_changes, touched
+from lightloom.golden_model.driver.changes import table_of
+from lightloom.golden_model.driver.report import loose_bounds
+from lightloom.golden_model.engine.selection.influence.reach import texel_changes, touched
 from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.scene.lightmap import VALID
 from lightloom.golden_model.scene.pose import scene_at

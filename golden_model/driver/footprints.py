@@ -5,10 +5,9 @@ The other way to find what is near an object, instead of its volume: it looks th
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import INFLUENCE, RAY
-from lightloom.golden_model.engine.selection.influence.changes import Table, moved_objects
-from lightloom.golden_model.engine.selection.influence.volumes import (
-    FOOTPRINT,
+from lightloom.golden_model.contract.formats import FOOTPRINT, INFLUENCE, RAY
+from lightloom.golden_model.driver.changes import Table, moved_objects
+from lightloom.golden_model.driver.volumes import (
     LOOSE,
     level_of,
     octaves_of,

@@ -5,17 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lightloom.golden_model.contract.formats import INFLUENCE, TEXEL, WHOLE_CHANGE
-from lightloom.golden_model.engine.selection.influence.changes import bounds, moved_objects, sources, table_of
-from lightloom.golden_model.engine.selection.influence.footprints import footprints
-from lightloom.golden_model.engine.selection.influence.reach import loose_bounds, texel_changes, touched
-from lightloom.golden_model.engine.selection.influence.volumes import (
-    FOOTPRINT,
-    SHADOW,
-    VOLUME,
-    octaves_of,
-    volumes,
-)
+from lightloom.golden_model.contract.formats import FOOTPRINT, INFLUENCE, SHADOW, TEXEL, VOLUME, WHOLE_CHANGE
+from lightloom.golden_model.driver.changes import bounds, moved_objects, sources, table_of
+from lightloom.golden_model.driver.footprints import footprints
+from lightloom.golden_model.driver.report import loose_bounds
+from lightloom.golden_model.driver.volumes import octaves_of, volumes
+from lightloom.golden_model.engine.selection.influence.reach import texel_changes, touched
 from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.numerics.vectors import vector
 from lightloom.golden_model.scene.assemble import assemble

@@ -11,8 +11,8 @@ rounded once. `golden_model.engine.selection.influence.reach` compares them with
 
 import numpy as np
 
-from lightloom.golden_model.contract.formats import CHANGE_LEVELS, INFLUENCE, MOST_OCTAVES
-from lightloom.golden_model.engine.selection.influence.changes import (
+from lightloom.golden_model.contract.formats import CHANGE_LEVELS, INFLUENCE, MOST_OCTAVES, SHADOW, VOLUME
+from lightloom.golden_model.driver.changes import (
     NOWHERE,
     PI,
     Box,
@@ -24,13 +24,10 @@ from lightloom.golden_model.engine.selection.influence.changes import (
     moved_objects,
     relit_sources,
 )
-from lightloom.golden_model.engine.selection.influence.changes import sides as facing_areas
-from lightloom.golden_model.engine.selection.influence.changes import sources as sources_of
+from lightloom.golden_model.driver.changes import sides as facing_areas
+from lightloom.golden_model.driver.changes import sources as sources_of
 from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.scene.scene import Scene
-
-VOLUME, SHADOW, FOOTPRINT = range(3)
-"""Kinds of INFLUENCE records."""
 
 LOOSE = 3
 """Octaves by which bounds of what an object reflects, hides or shadows are larger than what it is seen to change …"""
