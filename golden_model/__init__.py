@@ -2,8 +2,9 @@
 
 Its floors, the top first; an import leads from a floor to a lower one (`tests/test_rooms.py` holds that):
 
-6. `renderer`, `oracle`
-5. `maintenance`, `frame`, `charts`, `models`, `stimuli`
+7. `renderer`, `oracle`, `models`
+6. `driver`
+5. `engine`, `frame`, `charts`, `stimuli`
 4. `tracing`, `rays`, `pictures`
 3. `scene`, `machine`
 2. `numerics`

@@ -25,6 +25,8 @@ from tests.golden_model.test_frame_loop import room
 SEED = 8
 HOST = (
     "tracing.bvh.",  # units follow `tracing.wide_bvh`
+    "driver.changes",  # what is different, from poses: float64
+    "driver.volumes",
     "scene.lights",  # `lights_of`, the table of lights: float64
     "scene.scene",
     "scene.ray_offset",
@@ -32,7 +34,7 @@ HOST = (
 """Modules that hardware does not follow in a frame: they prepare its tables."""
 
 
-FOLDERS = ("engine", "frame", "numerics", "rays", "scene", "tracing")
+FOLDERS = ("driver", "engine", "frame", "numerics", "rays", "scene", "tracing")
 
 
 def renderer_of(folder: Path, name: str, direct: Any) -> Renderer:

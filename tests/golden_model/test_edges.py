@@ -1,4 +1,8 @@
-"""Smoothing against none on the edges of light: the pixels there are no further from the truth."""
+"""Smoothing against none on the edges of light: the pixels there are no further from the truth.
+
+One layout seed and one render seed: a ratio of errors moves by a tenth and more with either, so this holds what these
+draws come to, not what smoothing does to edges in the mean.
+"""
 
 from pathlib import Path
 
@@ -6,12 +10,13 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.numerics.sample_spread import luminance
 from lightloom.golden_model.oracle.converged_maps import Reference
 from lightloom.golden_model.renderer import Pipeline, Renderer
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, write_layout
 from lightloom.golden_model.tracing.bvh.structure import Structure
-from lightloom.policies.judge import counted_pixels, straight_light, visible_texels
+from lightloom.policies.judge import counted_pixels, error, straight_light, visible_texels
 
 pytestmark = pytest.mark.long
 
@@ -20,10 +25,6 @@ STEP = 0.15
 """Of the brighter of two pixels beside each other: an edge."""
 WORSE = {"thin-walls": 1.10}
 """What smoothing costs there, at most; elsewhere nothing, to half a percent."""
-
-
-def luminance(picture: np.ndarray) -> np.ndarray:
-    return (picture[..., 0] + 2 * picture[..., 1] + picture[..., 2]) / 4
 
 
 def edges(gbuffer: np.ndarray, light: np.ndarray) -> np.ndarray:
@@ -65,5 +66,8 @@ def test_edges_are_no_worse_than_unfiltered(layout: str, budget: str, tmp_path: 
             mapped = wanted - straight
             there = edges(result.gbuffer, luminance(mapped)) & counted_pixels(straight, wanted)
             assert there.sum() > 100
-        errors.append(np.abs(result.image - straight - mapped)[there].sum() / mapped[there].sum())
-    assert errors[0] <= WORSE.get(layout, 1.005) * errors[1], errors
+        errors.append(error((result.image - straight)[there], mapped[there]))
+    smoothed, plain = errors
+    assert smoothed is not None
+    assert plain is not None
+    assert smoothed <= WORSE.get(layout, 1.005) * plain, errors

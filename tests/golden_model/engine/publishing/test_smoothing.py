@@ -28,7 +28,7 @@ def known(maps: Lightmaps, seed: int, holes: float = 0.2) -> tuple[np.ndarray, n
     turned = rng.choice([0.0, 0.28, 0.3676, 0.6], count, p=[0.8, 0.08, 0.06, 0.06])
     maps.texels["normal"] = np.stack([turned, np.zeros(count), np.sqrt(1 - turned**2)], axis=1)
     state = np.zeros(count, dtype=TEXEL_STATE)
-    counts = [1, 15, 16, 32, 40, 48, 64, 80, 128, 272, 1024, 4095]
+    counts = [1, 3, 4, 15, 16, 32, 40, 48, 64, 80, 128, 239, 240, 241, 255, 272, 1024, 4095]
     state["count"] = rng.choice(counts, count) * (rng.random(count) >= holes)
     state["spread"], state["deviation"] = rng.integers(0, 600, count), rng.integers(0, 300, count)
     value = rng.choice([1e-6, 0.1, 1.0, 1.1, 50.0, 60000.0], (count, 1)) * rng.uniform(0.9, 1.1, (count, 3))
@@ -224,6 +224,7 @@ def test_little_light_is_lost_where_some_are_known_better() -> None:
         value = value.astype(np.float16).astype(np.float32)
         found = Smoother(maps).smoothed(value, state, np.arange(len(state)))
         kept = found.astype(np.float64).mean() / value.astype(np.float64).mean()
+        # Of draws of this size the loss differs by .001 in the mean.
         assert 1 - kept == pytest.approx(lost, abs=0.003), (relative, counts)
 
 
