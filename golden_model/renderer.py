@@ -381,12 +381,7 @@ class Renderer:
         coming = predicted_view(scene, frame, self.width, self.height, self.policy)
         return FrameContext(
             frame=frame,
-            records=report.records,
-            record_rays=report.rays,
-            boxes=report.boxes,
-            rotation=scene.rotation,
-            translation=scene.translation,
-            texel_size=scene.texel_size,
+            report=report,
             lightmaps=world.lightmaps,
             state=self.state,
             values=world.surfaces.irradiance[: len(self.state)],

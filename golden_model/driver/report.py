@@ -1,31 +1,17 @@
-"""What the engine is told of a frame's changes: records of influence and loose boxes of maps.
+"""What the engine is told of a frame's scene: records of influence, loose boxes of maps, poses.
 
 Whoever moves the objects knows it: physics, or the builder of the acceleration structure ([0081]).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from lightloom.golden_model.contract.formats import INFLUENCE
 from lightloom.golden_model.driver.changes import Table, bounds, table_of
 from lightloom.golden_model.driver.footprints import footprints
 from lightloom.golden_model.driver.volumes import volumes
 from lightloom.golden_model.engine.selection.policy import Policy
+from lightloom.golden_model.engine.selection.selector import Report
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.trace_protocol import Trace
-
-
-@dataclass(frozen=True, kw_only=True)
-class Report:
-    """Of a frame, with O objects."""
-
-    records: np.ndarray
-    """INFLUENCE (K,): what became different since the frame before."""
-    rays: int
-    """Rays traced to find that out."""
-    boxes: np.ndarray
-    """Loose bounds of the objects' maps, (O, 2, 3) float32."""
 
 
 class Reporter:
@@ -46,8 +32,14 @@ class Reporter:
         if policy.influence == "footprints" and trace is not None:
             found, traced = footprints(self._table, before, after, policy, trace, rays)
             records = np.concatenate([records, found])
-        assert records.dtype == INFLUENCE
-        return Report(records=records, rays=traced, boxes=loose_bounds(self._table, after, policy))
+        return Report(
+            records=records,
+            rays=traced,
+            boxes=loose_bounds(self._table, after, policy),
+            rotation=after.rotation,
+            translation=after.translation,
+            texel_size=after.texel_size,
+        )
 
 
 def loose_bounds(table: Table, scene: Scene, policy: Policy) -> np.ndarray:

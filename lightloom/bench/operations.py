@@ -21,8 +21,7 @@ from lightloom.golden_model.contract.formats import (
     TEXEL_STATE,
     VOLUME,
 )
-from lightloom.golden_model.driver.changes import table_of
-from lightloom.golden_model.driver.report import loose_bounds
+from lightloom.golden_model.driver.report import Reporter
 from lightloom.golden_model.engine.drift import departures
 from lightloom.golden_model.engine.publishing.filling import Filler
 from lightloom.golden_model.engine.publishing.mipmaps import renew_levels
@@ -39,7 +38,7 @@ from lightloom.golden_model.engine.selection.influence.reach import texel_change
 from lightloom.golden_model.engine.selection.intervals import Interval
 from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.engine.selection.screen_test import pixels_of, screen_test, to_match, to_project
-from lightloom.golden_model.engine.selection.selector import FrameContext, Selector
+from lightloom.golden_model.engine.selection.selector import FrameContext, Report, Selector
 from lightloom.golden_model.engine.selection.texel_match import texel_match
 from lightloom.golden_model.engine.selection.texel_project import texel_project
 from lightloom.golden_model.frame.rasterizer import rasterize
@@ -137,11 +136,7 @@ def _selection(room: Room) -> list[Step]:
         _called(texel_match)(counted(matched))
     context = FrameContext(
         frame=9,
-        records=np.zeros(0, dtype=INFLUENCE),
-        boxes=_boxes(room),
-        rotation=room.scene.rotation,
-        translation=room.scene.translation,
-        texel_size=size,
+        report=_report(room),
         lightmaps=replace(maps, texels=counted(maps.texels)),
         state=counted(room.state),
         view=room.view,
@@ -164,9 +159,9 @@ def _selection(room: Room) -> list[Step]:
     ]
 
 
-def _boxes(room: Room) -> np.ndarray:
-    """Loose bounds of its maps."""
-    return loose_bounds(table_of(room.scene), room.scene, Policy())
+def _report(room: Room) -> Report:
+    """Of a frame in which nothing has changed."""
+    return Reporter(room.scene, Policy()).report(room.scene, room.scene, None, 0)
 
 
 def _regions(room: Room) -> list[Step]:
@@ -188,7 +183,7 @@ def _regions(room: Room) -> list[Step]:
 def _influence(room: Room, valid: np.ndarray) -> list[Step]:
     """Of records that reach all of the room."""
     maps, count, steps = replace(room.maps, texels=counted(room.maps.texels)), int(valid.sum()), []
-    boxes = _boxes(room)
+    boxes = _report(room).boxes
     for name, kind in (("a volume's reach", VOLUME), ("a shadow's reach", SHADOW)):
         record = np.zeros(1, dtype=INFLUENCE)
         record["kind"], record["facing"], record["level"], record["surface"] = kind, kind == VOLUME, CHANGE_LEVELS, -1

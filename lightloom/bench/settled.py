@@ -10,17 +10,16 @@ from typing import Any
 import numpy as np
 
 from lightloom.golden_model.charts.unwrap import unwrap
-from lightloom.golden_model.contract.formats import COUNT_MAX, FRAMES, INFLUENCE, ONE_SAMPLE, TEXEL_STATE
-from lightloom.golden_model.driver.changes import table_of
+from lightloom.golden_model.contract.formats import COUNT_MAX, FRAMES, ONE_SAMPLE, TEXEL_STATE
 from lightloom.golden_model.driver.predicted_view import predicted_view
-from lightloom.golden_model.driver.report import loose_bounds
+from lightloom.golden_model.driver.report import Reporter
 from lightloom.golden_model.engine.kernels import Kernels
 from lightloom.golden_model.engine.publishing.regions import Regions, regions_of
 from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.engine.selection.culling import region_boxes
 from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.engine.selection.screen_test import to_project
-from lightloom.golden_model.engine.selection.selector import FrameContext, Selector
+from lightloom.golden_model.engine.selection.selector import FrameContext, Report, Selector
 from lightloom.golden_model.engine.selection.texel_project import texel_project
 from lightloom.golden_model.frame.rasterizer import rasterize
 from lightloom.golden_model.scene.files.load import load_scene
@@ -82,11 +81,12 @@ def measure(case: Case, backend: str = "auto") -> Frame:
     state = np.zeros(len(valid), dtype=TEXEL_STATE)
     state["count"][valid] = ONE_SAMPLE * rng.integers(4, 20, int(valid.sum()))
     state["frame"] = -rng.integers(0, 64, len(valid)) % FRAMES
+    unchanged = Reporter(scene, policy).report(scene, scene, None, 0)
     trace, reserve = Structure(scene, backend).trace, Sampling().reserve(False)
     figures: list[tuple[int, int, int]] = []
     views: list[View] = []
     for frame in range(case.frames):
-        views, context = _seen(scene, maps, state, case, frame, policy)
+        views, context = _seen(scene, maps, state, case, frame, policy, unchanged)
         plan = selector.plan(replace(context, trace=trace), case.updates * reserve, reserve)
         state["count"][plan.texel] = np.minimum(state["count"][plan.texel] + ONE_SAMPLE, COUNT_MAX)
         state["frame"][plan.texel] = frame % FRAMES
@@ -118,7 +118,7 @@ def report(case: Case, others: Sequence[int] = OTHERS) -> dict[str, Any]:
 
 
 def _seen(
-    scene: Scene, maps: Lightmaps, state: np.ndarray, case: Case, frame: int, policy: Policy
+    scene: Scene, maps: Lightmaps, state: np.ndarray, case: Case, frame: int, policy: Policy, unchanged: Report
 ) -> tuple[list[View], FrameContext]:
     """The view of a frame, the predicted one if there is one, and what selection looks at."""
 
@@ -130,11 +130,7 @@ def _seen(
     coming = predicted_view(scene, frame, case.width, case.height, policy)
     context = FrameContext(
         frame=frame,
-        records=np.zeros(0, dtype=INFLUENCE),
-        boxes=loose_bounds(table_of(scene), scene, policy),
-        rotation=scene.rotation,
-        translation=scene.translation,
-        texel_size=scene.texel_size,
+        report=unchanged,
         lightmaps=maps,
         state=state,
         view=view,

@@ -39,17 +39,21 @@ class Stage:
         view = look_at(camera.position, camera.target, camera.up, camera.fov_y_tan, width, height)
         return view, rasterize(view, scene.triangles, scene.normals, scene.object_id, self.lightmaps.uv)
 
-    def context(self, frame: int = 0, size: int = 64, state: np.ndarray | None = None, **more: Any) -> FrameContext:
-        """Of a frame; `policy` and `rays` are what changes are reported with."""
-        policy, rays = more.pop("policy", Policy()), more.pop("rays", 0)
+    def context(
+        self,
+        frame: int = 0,
+        size: int = 64,
+        state: np.ndarray | None = None,
+        policy: Policy | None = None,
+        rays: int = 0,
+        **more: Any,
+    ) -> FrameContext:
+        """Of a frame; changes are reported by a policy, within so many rays."""
         scene = scene_at(self.scene, frame)
         self.structure.update(scene)
         view, gbuffer = self.draw(scene.camera, frame, size, size)
         fields: dict[str, Any] = {
             "frame": frame,
-            "rotation": scene.rotation,
-            "translation": scene.translation,
-            "texel_size": scene.texel_size,
             "lightmaps": moved_records(self.lightmaps, scene),
             "state": self.state() if state is None else state,
             "view": view,
@@ -58,8 +62,8 @@ class Stage:
         }
         fields |= more
         before = scene_at(self.scene, max(frame - 1, 0))
-        report = Reporter(self.scene, policy).report(before, scene, fields["trace"], rays)
-        return FrameContext(records=report.records, record_rays=report.rays, boxes=report.boxes, **fields)
+        report = Reporter(self.scene, policy or Policy()).report(before, scene, fields["trace"], rays)
+        return FrameContext(report=report, **fields)
 
     def state(self, count: int = 0) -> np.ndarray:
         """TEXEL_STATE of texels that all have so many samples."""

@@ -49,23 +49,31 @@ def coarse_to_fine(lightmaps: Lightmaps, together: int = 1) -> np.ndarray:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrameContext:
-    """What a frame's selection looks at."""
+class Report:
+    """What the host tells of a frame's scene, with O objects and so many maps."""
 
-    frame: int
-    """Its number, 0 or more."""
     records: np.ndarray
     """INFLUENCE (K,): what became different since the frame before."""
-    record_rays: int = 0
-    """Rays of this frame's budget that were traced to find the records."""
+    rays: int
+    """Rays of the frame's budget that were traced to find the records."""
     boxes: np.ndarray
-    """Loose bounds of the O maps, (O, 2, 3) float32; low is above high for an object that is not there."""
+    """Loose bounds of the maps, (O, 2, 3) float32; low is above high for an object that is not there."""
     rotation: np.ndarray
     """Poses of the maps' objects, (O, 3, 3) float32."""
     translation: np.ndarray
     """(O, 3) float32."""
     texel_size: float
     """Side of a texel at rest, in the scene's unit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameContext:
+    """What a frame's selection looks at."""
+
+    frame: int
+    """Its number, 0 or more."""
+    report: Report
+    """What the host tells of it."""
     lightmaps: Lightmaps
     """With the records of this frame's pose (`pose.moved_records`)."""
     state: np.ndarray
@@ -158,10 +166,10 @@ class Selector:
         policy, maps = self.policy, context.lightmaps
         valid = self._exists & (maps.texels["state"] == VALID)
         allowed = policy.selection_rays(budget, cost)
-        records, footprint_rays, boxes = context.records, context.record_rays, context.boxes
-        regions = None if self._regions is None else self._regions.posed(context.rotation, context.translation)
-        influence, expected = texel_changes(records, boxes, maps, valid, regions)
-        sight, visibility_rays = self._look(context, valid, allowed - footprint_rays, regions)
+        report = context.report
+        regions = None if self._regions is None else self._regions.posed(report.rotation, report.translation)
+        influence, expected = texel_changes(report.records, report.boxes, maps, valid, regions)
+        sight, visibility_rays = self._look(context, valid, allowed - report.rays, regions)
         bins = self._variability.look(context.state, context.values, valid)
         noticed, believed = self._noticed(context.state, valid)
         change = np.maximum(influence, noticed)
@@ -170,14 +178,14 @@ class Selector:
         priority = classes_of(self._classes, sight.lod, need, bins, change, sight.degree) * valid
         urgent = valid & ((influence >= policy.heavy_level) | believed)
 
-        left = budget - footprint_rays - visibility_rays
+        left = budget - report.rays - visibility_rays
         updates, certain = left // cost, (budget - allowed) // cost
         chosen, spare = self._share_out(valid, sight.degree, priority, updates, left // (least or cost), certain)
         return Plan(
             texel=chosen,
             spare=spare,
             spare_class=priority[spare].astype(np.int64),
-            rays={"visibility": visibility_rays, "footprints": footprint_rays},
+            rays={"visibility": visibility_rays, "footprints": report.rays},
             priority=priority,
             degree=sight.degree,
             lod=sight.lod,
@@ -189,8 +197,8 @@ class Selector:
             heavy=urgent & (policy.heavy_updates > 0),
             # Heavy updates of which none has come yet: the change is known and the value is from before it.
             forget=(urgent | (valid & (context.state["heavy"] == policy.heavy_updates))) & policy.invalidate,
-            records=records,
-            touched=touched(records, boxes).any(axis=0),
+            records=report.records,
+            touched=touched(report.records, report.boxes).any(axis=0),
         )
 
     def longest_wait(self, budget: int, cost: int) -> int:
@@ -219,7 +227,7 @@ class Selector:
             valid,
             context.view,
             context.gbuffer,
-            context.texel_size,
+            context.report.texel_size,
             predicted=context.predicted,
             trace=context.trace,
             rays=rays,

@@ -48,7 +48,7 @@ def look(
         valid,
         context.view,
         context.gbuffer,
-        context.texel_size,
+        context.report.texel_size,
         predicted=predicted,
         trace=context.trace,
         rays=rays,
