@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.driver.geometry import Geometries
 from lightloom.golden_model.driver.predicted_view import predicted_view
 from lightloom.golden_model.driver.report import Reporter
 from lightloom.golden_model.engine.kernels import Kernels
@@ -43,7 +44,6 @@ from lightloom.golden_model.machine.cost_model import FrameCounts, Machine, RayC
 from lightloom.golden_model.rays.collector import MAINTENANCE, Collector, Packing, collector_of
 from lightloom.golden_model.rays.surface_shading import Surfaces, ray_weights, readable, shade_fragments, shade_pixels
 from lightloom.golden_model.rays.waves import Waves, run_together
-from lightloom.golden_model.scene.coarse_geometry import coarse_links, fine_triangles
 from lightloom.golden_model.scene.light_unit import in_unit, light_exponent
 from lightloom.golden_model.scene.lightmap import Lightmaps, back_rows_of
 from lightloom.golden_model.scene.lights import Lights, lights_of
@@ -184,8 +184,7 @@ class Renderer:
             # Looking for buried texels is no part of the render: its rays are not recorded.
             lightmaps = unwrap(scene, trace=Structure(scene, backend).trace)
         self.lightmaps = lightmaps
-        self.links = None if scene.coarse is None else coarse_links(lightmaps, scene)
-        self.fine = None if scene.coarse is None else fine_triangles(scene)
+        self.geometries = Geometries(scene, lightmaps)
         self.textures = build_textures(scene.textures)
         self.fraction = fraction_bits(scene, self.sampling.balanced)
         kernels = Kernels(backend, threads)
@@ -300,13 +299,13 @@ class Renderer:
 
     def _surfaces(self, scene: Scene, published: np.ndarray) -> Surfaces:
         """What the frame `scene` shades with, from a version of the maps."""
+        geometry, coarse = self.geometries.at(scene)
         return Surfaces(
-            scene=scene,
+            geometry=geometry,
+            coarse=coarse,
             lightmaps=self.lightmaps,
             irradiance=readable(published),
             textures=self.textures,
-            links=self.links,
-            fine=self.fine,
             filtered=self.pipeline.filtered,
         )
 
@@ -317,6 +316,7 @@ class Renderer:
             lightmaps=moved_records(self.lightmaps, scene),
             lights=lights_of(scene),
             fraction=self.fraction,
+            specular=scene.specular,
         )
 
     def _collector(self, scene: Scene) -> Collector:
@@ -340,7 +340,7 @@ class Renderer:
         looked_at = drawn if self.pipeline.selects_by == "this" else self._latest or drawn
         self._latest = drawn
         with clock("predict"):
-            context = self._context(world, looked_at, collector)
+            context = self._context(scene, world, looked_at, collector)
         maintain = self.maintainer.run(world, context, self.budget, collector, clock)
         if self.pipeline.versions == 1:
             # What this frame shows is only made by its own maintenance.
@@ -353,7 +353,7 @@ class Renderer:
             picture = self._picture(lightmap, collector, clock)
             maintenance, (image, rays) = run_together(collector, clock, maintain, picture)
             published = self._commit(number, before, maintenance, clock)
-        counts = self._counts(world, raster.figures, rays, maintenance, published)
+        counts = self._counts(scene, raster.figures, rays, maintenance, published)
         budget = self.budget
         if self._hold is not None:
             self.budget = self._hold.observe(measure(self.machine, counts))
@@ -372,9 +372,9 @@ class Renderer:
             seconds=clock.seconds,
         )
 
-    def _context(self, world: World, drawn: _Drawn, collector: Collector) -> FrameContext:
+    def _context(self, scene: Scene, world: World, drawn: _Drawn, collector: Collector) -> FrameContext:
         """What the selection of the next frame looks at, with the surfaces of the frame `drawn`."""
-        scene, frame = world.scene, self.next_frame
+        frame = self.next_frame
         trace = partial(collector.now, MAINTENANCE)
         allowed = self.policy.selection_rays(self.budget, self.sampling.reserve(scene.specular))
         report = self.reporter.report(scene_at(self.scene, max(frame - 1, 0)), scene, trace, allowed)
@@ -420,6 +420,7 @@ class Renderer:
                 drawn.lights,
                 self.fraction,
                 options,
+                beyond=drawn.scene.environment.seen,
                 seed=seed,
                 frame=drawn.frame,
             )
@@ -475,10 +476,10 @@ class Renderer:
         return len(difference.texel)
 
     def _counts(
-        self, world: World, raster: RasterFigures, rays: FrameRayFigures, done: Maintenance, published: int
+        self, scene: Scene, raster: RasterFigures, rays: FrameRayFigures, done: Maintenance, published: int
     ) -> FrameCounts:
         """The work of the frame just done."""
-        scene, before = world.scene, scene_at(self.scene, max(self.next_frame - 1, 0))
+        before = scene_at(self.scene, max(self.next_frame - 1, 0))
         moved = (scene.rotation != before.rotation).any(axis=(1, 2)) | (scene.translation != before.translation).any(
             axis=1
         )

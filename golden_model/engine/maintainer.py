@@ -122,7 +122,7 @@ class Maintainer:
         the most that it can take itself, are within the budget. So less than one reserve is left, or no texel is.
         """
         with clock("select"):
-            reserve = self.sampling.reserve(world.scene.specular)
+            reserve = self.sampling.reserve(world.specular)
             plan = self.selector.plan(context, budget, reserve, self.sampling.directions)
             plan.mark(self.state, self.policy.heavy_updates)
             limit(self.state, plan.most)
@@ -180,7 +180,7 @@ class Maintainer:
         Those that follow depend on what these take. To ask again until it is 0 admits each texel for which the rays of
         all before it and its own reserve are within the budget, and no other: texels need not go one by one for that.
         """
-        return min(rays // self.sampling.reserve(world.scene.specular), waiting)
+        return min(rays // self.sampling.reserve(world.specular), waiting)
 
     def _clipped(self, gathered: Gathered, texel: np.ndarray) -> int:
         """Samples of rays, and averages of texels (M,) just blended, that were brighter than the formats hold."""

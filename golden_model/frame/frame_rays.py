@@ -24,7 +24,7 @@ from lightloom.golden_model.numerics.counter_rng import hash_u32
 from lightloom.golden_model.numerics.floats import flush, quiet
 from lightloom.golden_model.numerics.structured import take
 from lightloom.golden_model.rays.collector import FRAGMENT_SHADING, FRAME_SHADER, Collector
-from lightloom.golden_model.rays.hit_shading import Onward, direct_at_hits, direct_light, scatter, shade_rays
+from lightloom.golden_model.rays.hit_shading import Beyond, Onward, direct_at_hits, direct_light, scatter, shade_rays
 from lightloom.golden_model.rays.surface_shading import Surfaces, textured
 from lightloom.golden_model.scene.lights import Lights
 from lightloom.golden_model.scene.parts import DIFFUSE, MIRROR
@@ -128,44 +128,47 @@ class FrameRays:
         fraction: int,
         options: FrameShading | None = None,
         *,
+        beyond: Beyond | None = None,
         seed: int = 0,
         frame: int = 0,
     ):
-        """Of GBUFFER (H, W). `fraction` is that of the buffer; `seed` and `frame` choose the samples."""
+        """Of GBUFFER (H, W). `fraction` is that of the buffer; `seed` and `frame` choose the samples.
+
+        `beyond` as for `shade_rays`.
+        """
         self.options = options or FrameShading()
         self.figures = FrameRayFigures()
         self.buffer = RayBuffer(gbuffer.shape[0], gbuffer.shape[1], fraction)
-        self._surfaces, self._lights = surfaces, lights
+        self._surfaces, self._lights, self._beyond = surfaces, lights, beyond
         self._bounce = 0  # mirrors that the paths on their way have met
         self._flying: tuple[_Specular | None, list[_Shadows]] = (None, [])
         flat = gbuffer.reshape(-1)
-        scene = surfaces.scene
+        geometry = surfaces.geometry
         seen = np.flatnonzero(flat["primitive"] >= 0)
-        surface = scene.surface[scene.material[flat["primitive"][seen]]]
+        surface = geometry.material(flat["primitive"][seen])["surface"]
         self._next = _Waiting()
         specular = seen[surface != DIFFUSE]
         if len(specular):
             self._material_rays(view, take(flat, specular), specular, hash_u32(specular, seed, frame, _SPECULAR))
         if self.options.direct == "rays" and len(lights):
-            diffuse = seen[scene.reflects(flat["primitive"][seen], flat["front"][seen])]
+            diffuse = seen[geometry.reflects(flat["primitive"][seen], flat["front"][seen])]
             self._occlusion_rays(take(flat, diffuse), diffuse, hash_u32(diffuse, seed, _SHADOW), frame)
 
     def _material_rays(self, view: View, fragment: np.ndarray, pixel: np.ndarray, key: np.ndarray) -> None:
         """What mirrors and glass that pixels see ask for. A mirror's tint is left to the blender."""
-        scene = self._surfaces.scene
-        primitive = fragment["primitive"]
-        mirror = scene.surface[scene.material[primitive]] == MIRROR
-        tint = textured(self._surfaces, scene, primitive, fragment["texture"], fragment["texture_lod"])
+        geometry, primitive = self._surfaces.geometry, fragment["primitive"]
+        mirror = geometry.material(primitive)["surface"] == MIRROR
+        tint = textured(self._surfaces, geometry, primitive, fragment["texture"], fragment["texture_lod"])
         tint = np.where(mirror[:, None], np.float32(1), tint)
         direction = pixel_rays(view)["direction"][pixel]
-        onward = scatter(scene, direction, _seen(fragment), tint, key, both=self.options.split > 0)
+        onward = scatter(geometry, direction, _seen(fragment), tint, key, both=self.options.split > 0)
         self._go_on(pixel[onward.parent], onward, onward.weight)
 
     def _occlusion_rays(self, fragment: np.ndarray, pixel: np.ndarray, key: np.ndarray, frame: int) -> None:
         """Shadow rays of diffuse pixels; what they bring to the buffer is irradiance."""
         samples = self.options.shadow_samples
         direct = direct_light(
-            self._surfaces.scene, self._lights, _seen(fragment), key, first=frame * samples, samples=samples
+            self._surfaces.geometry, self._lights, _seen(fragment), key, first=frame * samples, samples=samples
         )
         self._next.shadows.append((FRAME_SHADER, pixel[direct.parent], direct.rays, direct.value))
         self.figures.shadow += len(direct.rays)
@@ -216,9 +219,8 @@ class FrameRays:
         options, onward, coarse = self.options, specular.onward, self.options.coarse_specular
         hits = collector.hits(specular.ticket)
         both = self._bounce < options.split
-        beyond = self._surfaces.scene.environment.seen
         shaded = shade_rays(
-            self._surfaces, onward.rays, hits, onward.key, emission=True, beyond=beyond, both=both, coarse=coarse
+            self._surfaces, onward.rays, hits, onward.key, emission=True, beyond=self._beyond, both=both, coarse=coarse
         )
         self.buffer.add(specular.pixel, flush(specular.weight * shaded.radiance))
         if options.direct == "rays" and len(self._lights):

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from lightloom.golden_model.contract.formats import TEXEL_STATE
+from lightloom.golden_model.driver.geometry import Geometries
 from lightloom.golden_model.engine.publishing.publisher import Publisher
 from lightloom.golden_model.engine.sampling.accumulate import fraction_bits, light_of
 from lightloom.golden_model.engine.sampling.gather import World, gather
@@ -74,6 +75,7 @@ class Reference:
         self.coarse = replace(self.sampling, directions=few, light_samples=max(few // 2, 1))
         self.structure = Structure(scene_at(scene, 0), backend, None, threads)
         self.fraction = fraction_bits(scene, self.sampling.balanced)
+        self._geometries = Geometries(scene, lightmaps)
         self.publisher = Publisher(lightmaps)
         self._published = self.publisher.everything(np.zeros(len(lightmaps.texels), dtype=TEXEL_STATE))
         self._settled: tuple[bytes, ...] | None = None
@@ -105,6 +107,7 @@ class Reference:
 
     def _settle(self, frame: int) -> None:
         scene = scene_at(self.scene, frame)
+        self._scene = scene
         self.structure.update(scene)
         lightmaps = moved_records(self.lightmaps, scene)
         self._valid = lightmaps.texels["state"] == VALID
@@ -113,7 +116,7 @@ class Reference:
         self._state["count"] = self._valid
         world = World(
             surfaces=Surfaces(
-                scene=scene,
+                geometry=self._geometries.at(scene)[0],
                 lightmaps=self.lightmaps,
                 irradiance=readable(self._published),
                 textures=build_textures(scene.textures),
@@ -121,6 +124,7 @@ class Reference:
             lightmaps=lightmaps,
             lights=lights_of(scene),
             fraction=self.fraction,
+            specular=scene.specular,
         )
         light = 0
         for number in range(SETTLING):
@@ -146,7 +150,7 @@ class Reference:
 
     def _round(self, world: World, texel: np.ndarray, number: int, sampling: Sampling) -> np.ndarray:
         """A sample of the irradiance of each texel (M,), (M, 3) float32."""
-        collector = collector_of(world.scene, self.structure.trace)
+        collector = collector_of(self._scene, self.structure.trace)
         parts = [np.zeros((0, 3), dtype=np.float32)]
         for begin in range(0, len(texel), BATCH):
             part = texel[begin : begin + BATCH]

@@ -13,6 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from lightloom.golden_model.contract.formats import RAY
+from lightloom.golden_model.driver.geometry import shapes_of
 from lightloom.golden_model.numerics.counter_rng import hash_u32, uniform
 from lightloom.golden_model.numerics.directions import (
     COUNT,
@@ -52,7 +53,7 @@ def irradiance(
 
     The same seed gives the same bits. `progress(done, total)` is called with numbers of paths as they are finished.
     """
-    lights = lights_of(scene, SKY_SIDE)
+    lights, shapes = lights_of(scene, SKY_SIDE), shapes_of(scene)
     total = np.zeros((len(position), 3))
     points = max(BATCH // samples, 1)
     run = min(samples, BATCH)
@@ -66,7 +67,7 @@ def irradiance(
             place = _starts(scene, trace, position[part].astype(np.float32), facing)
             key = hash_u32(number, seed)
             batch = _direct(lights, trace, place, facing, key, first, count)
-            batch += _indirect(scene, lights, trace, place, facing, key, first, count)
+            batch += _indirect(scene, shapes, lights, trace, place, facing, key, first, count)
             total[part] += batch
             done += len(number) * count
             if progress is not None:
@@ -140,6 +141,7 @@ def _open(trace: Trace, rays: np.ndarray) -> np.ndarray:
 @quiet
 def _indirect(
     scene: Scene,
+    shapes: np.ndarray,
     lights: Lights,
     trace: Trace,
     position: np.ndarray,
@@ -173,7 +175,7 @@ def _indirect(
         if not len(path):
             break
         before, normal_before = place[met], facing[met]
-        surface = surface_at(scene, hits)
+        surface = surface_at(shapes, hits)
         place, facing, albedo = surface.start, surface.facing, scene.albedo[scene.material[hits["primitive"]]]
         glow = met_emission(lights, hits["primitive"], hits["front"], subtract(place, before), normal_before, _RIVALS)
         gathered[path] += flush(throughput * flush(glow * _PI))

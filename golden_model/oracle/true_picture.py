@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 
 from lightloom.golden_model.contract.formats import HIT
+from lightloom.golden_model.driver.geometry import shapes_of
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.oracle.path_tracer import irradiance
 from lightloom.golden_model.rays.hit_surface import surface_at
@@ -44,7 +45,7 @@ def true_picture(
     hits = np.zeros(len(pixel), dtype=HIT)
     for name in ("primitive", "u", "v", "front"):
         hits[name] = flat[name][pixel]
-    surface = surface_at(scene, hits)
+    surface = surface_at(shapes_of(scene), hits)
     arriving = irradiance(scene, trace, surface.place, surface.facing, samples, seed, progress)
     albedo = scene.albedo[scene.material[hits["primitive"]]]
     picture = np.zeros((gbuffer.size, 3), dtype=np.float32)

@@ -9,7 +9,7 @@ the surface the ray came from and where the new one may go is decided by the tri
 does not face the ray, or would send the new ray through the wrong side, the triangle's own normal takes its place.
 
 Glass. Refraction by Snell's law and the exact Fresnel reflectance for unpolarized light; total reflection follows from
-them. The front of a triangle is where the medium is left, its back is inside; `Scene.ior` is that of the inside over
+them. The front of a triangle is where the medium is left, its back is inside; `ior` is the index of the inside over
 that of the outside. Light that goes through takes on the tint at each passage; what is reflected does not. Radiance is
 not scaled by the square of the index: on the way out of a closed body the factors cancel.
 """
@@ -24,12 +24,12 @@ from lightloom.golden_model.numerics.counter_rng import hash_u32, uniform
 from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.structured import take
 from lightloom.golden_model.numerics.vectors import add, dot, normalize, scale
+from lightloom.golden_model.rays.geometry import Geometry
 from lightloom.golden_model.rays.hit_surface import surface_at
 from lightloom.golden_model.rays.light_samples import direct_candidates
 from lightloom.golden_model.rays.surface_shading import INVERSE_PI, Surfaces, albedo_at, diffuse_radiance, emitted_at
 from lightloom.golden_model.scene.lights import Lights
 from lightloom.golden_model.scene.parts import DIFFUSE, GLASS
-from lightloom.golden_model.scene.scene import Scene
 
 _REFLECTED, _REFRACTED = 1, 2  # what a path's key is hashed with
 
@@ -103,20 +103,20 @@ def shade_rays(
     chance as the Fresnel reflectance has it, so that its weight is that of the tint alone. `key` (N,) uint32 is what
     makes a path's random choices its own.
     """
-    scene = surfaces.geometry(coarse)
+    geometry = surfaces.met(coarse)
     radiance = np.zeros((len(hits), 3), dtype=np.float32)
     struck = np.flatnonzero(hits["primitive"] >= 0)
     hit = take(hits, struck)
     radiance[struck] = diffuse_radiance(surfaces, hit, coarse=coarse)
     if emission:
-        radiance[struck] = add(radiance[struck], emitted_at(surfaces, scene, hit))
+        radiance[struck] = add(radiance[struck], emitted_at(surfaces, geometry, hit))
     if beyond is not None:
         missed = np.flatnonzero(hits["primitive"] < 0)
         radiance[missed] = beyond(rays["direction"][missed])
-    specular = scene.surface[scene.material[hit["primitive"]]] != DIFFUSE
+    specular = geometry.material(hit["primitive"])["surface"] != DIFFUSE
     parent, hit = struck[specular], take(hit, specular)
-    tint = albedo_at(surfaces, scene, hit)
-    onward = scatter(scene, rays["direction"][parent], hit, tint, key[parent], both=both)
+    tint = albedo_at(surfaces, geometry, hit)
+    onward = scatter(geometry, rays["direction"][parent], hit, tint, key[parent], both=both)
     return Shaded(
         radiance=radiance,
         onward=Onward(parent=parent[onward.parent], rays=onward.rays, weight=onward.weight, key=onward.key),
@@ -125,15 +125,15 @@ def shade_rays(
 
 @quiet
 def scatter(
-    scene: Scene, direction: np.ndarray, hits: np.ndarray, tint: np.ndarray, key: np.ndarray, *, both: bool
+    geometry: Geometry, direction: np.ndarray, hits: np.ndarray, tint: np.ndarray, key: np.ndarray, *, both: bool
 ) -> Onward:
     """The rays that follow rays of `direction` (N, 3) from HIT (N,) on mirrors and glass, of `tint` (N, 3).
 
     `both` and `key` as for `shade_rays`.
     """
-    material = scene.material[hits["primitive"]]
-    glass = scene.surface[material] == GLASS
-    surface = surface_at(scene, hits)
+    material = geometry.material(hits["primitive"])
+    glass = material["surface"] == GLASS
+    surface = surface_at(geometry.shapes, hits)
     facing, wall = surface.facing, surface.wall
     incoming = normalize(direction)
     # The interpolated normal has to face the ray; the triangle's own does, being the side that was hit.
@@ -147,7 +147,7 @@ def scatter(
     mirrored = np.where(astray[:, None], add(incoming, scale(wall, flush(own_cosine + own_cosine))), mirrored)
 
     # Index of the side that the ray comes from over that of the other.
-    ior = scene.ior[material]
+    ior = material["ior"]
     eta = np.where(hits["front"], flush(np.float32(1) / ior), ior)
     bent = _refracted(incoming, normal, cosine, eta)
     own = _refracted(incoming, wall, own_cosine, eta)
@@ -221,7 +221,7 @@ def fresnel(cosine: np.ndarray, eta: np.ndarray) -> np.ndarray:
 
 @quiet
 def direct_light(
-    scene: Scene,
+    geometry: Geometry,
     lights: Lights,
     hits: np.ndarray,
     key: np.ndarray,
@@ -235,8 +235,8 @@ def direct_light(
     are left out. The sum of the values of those that arrive is the direct irradiance.
     """
     known = np.maximum(hits["primitive"], 0)
-    lit = np.flatnonzero((hits["primitive"] >= 0) & scene.reflects(known, hits["front"]))
-    surface = surface_at(scene, take(hits, lit))
+    lit = np.flatnonzero((hits["primitive"] >= 0) & geometry.reflects(known, hits["front"]))
+    surface = surface_at(geometry.shapes, take(hits, lit))
     rays, light = direct_candidates(lights, surface.start, surface.facing, key[lit], first=first, samples=samples)
     light = light.reshape(-1, 3)
     carrying = np.flatnonzero(light.any(axis=1))
@@ -254,7 +254,7 @@ def direct_at_hits(
     coarse: bool = False,
 ) -> Direct:
     """As `direct_light`, with the radiance that each ray lets its hit send back, for lightmaps without direct light."""
-    scene = surfaces.geometry(coarse)
-    direct = direct_light(scene, lights, hits, key, samples=samples)
-    albedo = albedo_at(surfaces, scene, take(hits, direct.parent))
+    geometry = surfaces.met(coarse)
+    direct = direct_light(geometry, lights, hits, key, samples=samples)
+    albedo = albedo_at(surfaces, geometry, take(hits, direct.parent))
     return replace(direct, value=flush(flush(albedo * INVERSE_PI) * direct.value))

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
+from lightloom.golden_model.numerics.structured import take
 from lightloom.golden_model.numerics.vectors import add, cross, interpolate, normalize, scale, subtract
 from lightloom.golden_model.scene.ray_offset import ray_start
-from lightloom.golden_model.scene.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +21,7 @@ class HitSurface:
     wall: np.ndarray
     """The triangles' own unit normals, on that side, (N, 3) float32."""
     span: np.ndarray
-    """`Scene.spans` of the triangles, (N,) float32."""
+    """Of the triangles (`ray_offset`), (N,) float32."""
 
     @property
     def start(self) -> np.ndarray:
@@ -35,22 +35,22 @@ class HitSurface:
 
 
 @quiet
-def surface_at(scene: Scene, hits: np.ndarray) -> HitSurface:
-    """The surface at HIT (N,), each of a triangle of `scene`."""
-    primitive = hits["primitive"]
-    triangle, corner = scene.triangles[primitive], scene.normals[primitive]
-    edge1, edge2 = subtract(triangle["v1"], triangle["v0"]), subtract(triangle["v2"], triangle["v0"])
+def surface_at(shapes: np.ndarray, hits: np.ndarray) -> HitSurface:
+    """The surface at HIT (N,), each of a triangle of SHAPE (T,)."""
+    shape = take(shapes, hits["primitive"])
+    corner, normal = shape["corner"], shape["normal"]
+    edge1, edge2 = subtract(corner[:, 1], corner[:, 0]), subtract(corner[:, 2], corner[:, 0])
     wall = unit_normal(edge1, edge2)
-    facing = normalize(interpolate(corner[:, 0], corner[:, 1], corner[:, 2], hits["u"], hits["v"]))
+    facing = normalize(interpolate(normal[:, 0], normal[:, 1], normal[:, 2], hits["u"], hits["v"]))
     facing = np.where(np.isfinite(facing), facing, wall)  # normals that cancel in the middle of a triangle
     side = np.where(hits["front"], np.float32(1), np.float32(-1))
     return HitSurface(
         # From the first vertex along the edges, so that its rounding goes with the triangle's size and only the last
         # sum's with the coordinates.
-        place=add(triangle["v0"], add(scale(edge1, hits["u"]), scale(edge2, hits["v"]))),
+        place=add(corner[:, 0], add(scale(edge1, hits["u"]), scale(edge2, hits["v"]))),
         facing=scale(facing, side),
         wall=scale(wall, side),
-        span=scene.spans[primitive],
+        span=shape["span"],
     )
 
 

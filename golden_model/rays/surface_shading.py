@@ -12,19 +12,30 @@ import numpy as np
 from lightloom.golden_model.numerics.floats import flush, half_to_float, quiet
 from lightloom.golden_model.numerics.structured import take
 from lightloom.golden_model.numerics.vectors import interpolate
-from lightloom.golden_model.scene.lightmap import Lightmaps, bilinear, lightmap_coordinates, on_side, sample
+from lightloom.golden_model.rays.geometry import Geometry
+from lightloom.golden_model.scene.lightmap import Lightmaps, bilinear, on_side, sample
 from lightloom.golden_model.scene.parts import DIFFUSE, MIRROR
-from lightloom.golden_model.scene.scene import Scene
-from lightloom.golden_model.scene.textures import Textures, sample_textures, texel_coordinates
+from lightloom.golden_model.scene.textures import Textures, sample_textures
 
 INVERSE_PI = np.float32(0.31830987)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoarseSurfaces:
+    """The same objects with fewer triangles, C of them ([0055]), which have no lightmaps of their own."""
+
+    geometry: Geometry
+    links: np.ndarray
+    """Texels at the corners, (C, 3) int32, -1: none."""
+    fine: np.ndarray | None = None
+    """The triangle of the full geometry that each is, (C,) int32; -1: it is a reduced one. None: all are reduced."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Surfaces:
     """All that the shading of one frame reads: the same for fragments and for hits of rays, and for every emitter."""
 
-    scene: Scene
+    geometry: Geometry
     """Of the frame."""
     lightmaps: Lightmaps
     """Records are not read here: those of the scene at rest will do."""
@@ -32,18 +43,16 @@ class Surfaces:
     """The published maps as `readable` gives them, (N, 3) float32; mip texels, if there are any, after the maps."""
     textures: Textures | None = None
     """Of `scene.textures`; `build_textures` makes them, once for a sequence."""
-    links: np.ndarray | None = None
-    """Texels at the corners of the triangles of `scene.coarse`, (T, 3) int32, -1: none; for hits of coarse geometry."""
-    fine: np.ndarray | None = None
-    """The triangle of `scene` that each of `scene.coarse` is, (T,) int32; -1: it is a reduced one. None: all are."""
+    coarse: CoarseSurfaces | None = None
+    """For hits of coarse geometry; None: there is none."""
     filtered: bool = False
     """Whether fragments read the lightmaps with their level of detail; else always the finest level."""
     ray_texture_lod: int = 0
     """Level of detail of textures where rays hit them, in 1/256ths."""
 
-    def geometry(self, coarse: bool) -> Scene:
-        """The scene whose triangles a ray met: with `coarse` the reduced one, if there is one."""
-        return self.scene.coarse if coarse and self.scene.coarse is not None else self.scene
+    def met(self, coarse: bool) -> Geometry:
+        """The triangles that a ray met: with `coarse` the reduced ones, if there are any."""
+        return self.coarse.geometry if coarse and self.coarse is not None else self.geometry
 
 
 def readable(published: np.ndarray) -> np.ndarray:
@@ -53,11 +62,11 @@ def readable(published: np.ndarray) -> np.ndarray:
 
 @quiet
 def textured(
-    surfaces: Surfaces, scene: Scene, primitive: np.ndarray, place: np.ndarray | None, lod: np.ndarray | None
+    surfaces: Surfaces, geometry: Geometry, primitive: np.ndarray, place: np.ndarray | None, lod: np.ndarray | None
 ) -> np.ndarray:
     """Albedo times texture of triangles (N,), (N, 3) float32, read at `place` (N, 2) with `lod` (N,)."""
-    material = scene.material[primitive]
-    return _times_texture(surfaces, scene.albedo[material], scene.texture[material], place, lod)
+    material = geometry.material(primitive)
+    return _times_texture(surfaces, material["albedo"], material["texture"], place, lod)
 
 
 @quiet
@@ -73,24 +82,27 @@ def _times_texture(
     return colour
 
 
-def _places(surfaces: Surfaces, scene: Scene, hits: np.ndarray) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Where textures are read at HIT (N,) that met a triangle of `scene`, and with which level of detail."""
+def _places(surfaces: Surfaces, geometry: Geometry, hits: np.ndarray) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """Where textures are read at HIT (N,) that met a triangle of `geometry`, and with which level of detail."""
     if surfaces.textures is None:
         return None, None
-    corner = texel_coordinates(scene, hits["primitive"])
-    place = interpolate(corner[:, 0], corner[:, 1], corner[:, 2], hits["u"], hits["v"])
+    place = _between(geometry.surfaces["texture_uv"][hits["primitive"]], hits)
     return place, np.full(len(hits), surfaces.ray_texture_lod)
 
 
-def albedo_at(surfaces: Surfaces, scene: Scene, hits: np.ndarray) -> np.ndarray:
-    """Albedo times texture of HIT (N,) that met a triangle of `scene`, (N, 3) float32."""
-    return textured(surfaces, scene, hits["primitive"], *_places(surfaces, scene, hits))
+def _between(corner: np.ndarray, hits: np.ndarray) -> np.ndarray:
+    """Values (N, 3, K) at the corners of triangles to those at HIT (N,) of them, (N, K) float32."""
+    return interpolate(corner[:, 0], corner[:, 1], corner[:, 2], hits["u"], hits["v"])
 
 
-def emitted_at(surfaces: Surfaces, scene: Scene, hits: np.ndarray) -> np.ndarray:
-    """Radiance (N, 3) that HIT (N,) sends out by itself, of a triangle of `scene`."""
-    place, lod = _places(surfaces, scene, hits) if (scene.emission_texture >= 0).any() else (None, None)
-    return emitted(surfaces, scene, hits["primitive"], hits["front"], place, lod)
+def albedo_at(surfaces: Surfaces, geometry: Geometry, hits: np.ndarray) -> np.ndarray:
+    """Albedo times texture of HIT (N,) that met a triangle of `geometry`, (N, 3) float32."""
+    return textured(surfaces, geometry, hits["primitive"], *_places(surfaces, geometry, hits))
+
+
+def emitted_at(surfaces: Surfaces, geometry: Geometry, hits: np.ndarray) -> np.ndarray:
+    """Radiance (N, 3) that HIT (N,) sends out by itself, of a triangle of `geometry`."""
+    return emitted(surfaces, geometry, hits["primitive"], hits["front"], *_places(surfaces, geometry, hits))
 
 
 @quiet
@@ -104,15 +116,15 @@ def reflected(albedo: np.ndarray, diffuse: np.ndarray, irradiance: np.ndarray) -
 
 def emitted(
     surfaces: Surfaces,
-    scene: Scene,
+    geometry: Geometry,
     primitive: np.ndarray,
     front: np.ndarray,
     place: np.ndarray | None,
     lod: np.ndarray | None,
 ) -> np.ndarray:
     """Radiance (N, 3) that triangles (N,) send out on the side seen, on their front only: emission times texture."""
-    material = scene.material[primitive]
-    emission = _times_texture(surfaces, scene.emission[material], scene.emission_texture[material], place, lod)
+    material = geometry.material(primitive)
+    emission = _times_texture(surfaces, material["emission"], material["emission_texture"], place, lod)
     return np.where(front[:, None], emission, np.float32(0))
 
 
@@ -123,42 +135,50 @@ def diffuse_radiance(surfaces: Surfaces, hits: np.ndarray, *, coarse: bool = Fal
     Reduced triangles have no lightmaps of their own: between their corners they show the texels that these are linked
     to. Triangles of coarse geometry that are the scene's own read its lightmaps.
     """
-    scene, primitive, front = surfaces.geometry(coarse), hits["primitive"], hits["front"]
-    diffuse = scene.reflects(primitive, front)
-    if scene is not surfaces.scene:
-        assert surfaces.links is not None, "coarse geometry needs links to texels"
-        link = surfaces.links[primitive]
-        if (rows := surfaces.lightmaps.back_rows) is not None:
-            owner = scene.object_id[primitive]
-            link = link + np.where(front, 0, rows[owner] * surfaces.lightmaps.width[owner])[:, None] * (link >= 0)
-        corner = np.where(link[..., None] >= 0, surfaces.irradiance[np.maximum(link, 0)], np.float32(0))
-        arriving = interpolate(corner[:, 0], corner[:, 1], corner[:, 2], hits["u"], hits["v"])
-        own = primitive[:0] if surfaces.fine is None else surfaces.fine[primitive]
-        if (same := np.flatnonzero(own >= 0)).size:
-            place = lightmap_coordinates(surfaces.lightmaps, own[same], hits["u"][same], hits["v"][same])
-            owner = surfaces.scene.object_id[own[same]]
-            place = on_side(surfaces.lightmaps, owner, place, front[same])
-            arriving[same] = bilinear(surfaces.lightmaps, surfaces.irradiance, owner, place)
+    geometry, primitive, front = surfaces.met(coarse), hits["primitive"], hits["front"]
+    diffuse = geometry.reflects(primitive, front)
+    if coarse and surfaces.coarse is not None:
+        arriving = _linked(surfaces, surfaces.coarse, hits)
     else:
-        place = lightmap_coordinates(surfaces.lightmaps, primitive, hits["u"], hits["v"])
-        place = on_side(surfaces.lightmaps, scene.object_id[primitive], place, front)
-        arriving = bilinear(surfaces.lightmaps, surfaces.irradiance, scene.object_id[primitive], place)
-    return reflected(albedo_at(surfaces, scene, hits), diffuse, arriving)
+        arriving = _from_maps(surfaces, primitive, hits)
+    return reflected(albedo_at(surfaces, geometry, hits), diffuse, arriving)
+
+
+def _from_maps(surfaces: Surfaces, primitive: np.ndarray, hits: np.ndarray) -> np.ndarray:
+    """Irradiance (N, 3) at HIT (N,), which lie on triangles (N,) of the full geometry."""
+    corner, owner = (surfaces.geometry.surfaces[name][primitive] for name in ("lightmap_uv", "object"))
+    place = on_side(surfaces.lightmaps, owner, _between(corner, hits), hits["front"])
+    return bilinear(surfaces.lightmaps, surfaces.irradiance, owner, place)
+
+
+def _linked(surfaces: Surfaces, coarse: CoarseSurfaces, hits: np.ndarray) -> np.ndarray:
+    """Irradiance (N, 3) at HIT (N,) of coarse geometry."""
+    primitive, front = hits["primitive"], hits["front"]
+    link = coarse.links[primitive]
+    if (rows := surfaces.lightmaps.back_rows) is not None:
+        owner = coarse.geometry.surfaces["object"][primitive]
+        link = link + np.where(front, 0, rows[owner] * surfaces.lightmaps.width[owner])[:, None] * (link >= 0)
+    corner = np.where(link[..., None] >= 0, surfaces.irradiance[np.maximum(link, 0)], np.float32(0))
+    arriving = _between(corner, hits)
+    own = primitive[:0] if coarse.fine is None else coarse.fine[primitive]
+    if (same := np.flatnonzero(own >= 0)).size:
+        arriving[same] = _from_maps(surfaces, own[same], take(hits, same))
+    return arriving
 
 
 @quiet
 def shade_fragments(surfaces: Surfaces, fragment: np.ndarray) -> np.ndarray:
     """GBUFFER (N,), each of a triangle, to what needs no ray: reflected plus emitted radiance, (N, 3) float32."""
-    scene, primitive = surfaces.scene, fragment["primitive"]
+    geometry, primitive = surfaces.geometry, fragment["primitive"]
     if surfaces.filtered:
         arriving = sample(
             surfaces.lightmaps, surfaces.irradiance, fragment["object"], fragment["lightmap"], fragment["lod"]
         )
     else:
         arriving = bilinear(surfaces.lightmaps, surfaces.irradiance, fragment["object"], fragment["lightmap"])
-    diffuse = scene.reflects(primitive, fragment["front"])
-    albedo = textured(surfaces, scene, primitive, fragment["texture"], fragment["texture_lod"])
-    glow = emitted(surfaces, scene, primitive, fragment["front"], fragment["texture"], fragment["texture_lod"])
+    diffuse = geometry.reflects(primitive, fragment["front"])
+    albedo = textured(surfaces, geometry, primitive, fragment["texture"], fragment["texture_lod"])
+    glow = emitted(surfaces, geometry, primitive, fragment["front"], fragment["texture"], fragment["texture_lod"])
     return flush(reflected(albedo, diffuse, arriving) + glow)
 
 
@@ -171,10 +191,10 @@ def ray_weights(surfaces: Surfaces, gbuffer: np.ndarray) -> np.ndarray:
     """
     weight = np.zeros((gbuffer.size, 3), dtype=np.float32)
     seen, pixel = _seen(gbuffer)
-    scene, primitive = surfaces.scene, pixel["primitive"]
-    surface = scene.surface[scene.material[primitive]][:, None]
-    albedo = textured(surfaces, scene, primitive, pixel["texture"], pixel["texture_lod"])
-    diffuse = np.where(scene.reflects(primitive, pixel["front"])[:, None], flush(albedo * INVERSE_PI), np.float32(0))
+    geometry, primitive = surfaces.geometry, pixel["primitive"]
+    surface = geometry.material(primitive)["surface"][:, None]
+    albedo = textured(surfaces, geometry, primitive, pixel["texture"], pixel["texture_lod"])
+    diffuse = np.where(geometry.reflects(primitive, pixel["front"])[:, None], flush(albedo * INVERSE_PI), np.float32(0))
     weight[seen] = np.where(surface == DIFFUSE, diffuse, np.where(surface == MIRROR, albedo, np.float32(1)))
     return weight.reshape(*gbuffer.shape, 3)
 

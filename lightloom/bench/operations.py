@@ -21,6 +21,7 @@ from lightloom.golden_model.contract.formats import (
     TEXEL_STATE,
     VOLUME,
 )
+from lightloom.golden_model.driver.geometry import Geometries
 from lightloom.golden_model.driver.report import Reporter
 from lightloom.golden_model.engine.drift import departures
 from lightloom.golden_model.engine.publishing.filling import Filler
@@ -43,6 +44,7 @@ from lightloom.golden_model.engine.selection.texel_match import texel_match
 from lightloom.golden_model.engine.selection.texel_project import texel_project
 from lightloom.golden_model.frame.rasterizer import rasterize
 from lightloom.golden_model.host.stopwatch import Stopwatch
+from lightloom.golden_model.rays.geometry import Geometry
 from lightloom.golden_model.rays.surface_shading import Surfaces, readable
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
 from lightloom.golden_model.scene.lightmap import Lightmaps
@@ -223,14 +225,17 @@ def _sampling(room: Room) -> tuple[float, list[Step]]:
     scene, maps, sampling = room.scene, room.maps, Sampling()
     dim = room.state.copy()
     dim["irradiance"] = np.random.default_rng(SEED).uniform(0.5, 20, (len(dim), 3))
+    geometry = Geometries(scene, maps).at(scene)[0]
+    geometry = Geometry(**{name: counted(getattr(geometry, name)) for name in ("surfaces", "shapes", "materials")})
     surfaces = Surfaces(
-        scene=_watched(scene),
+        geometry=geometry,
         lightmaps=_watched(maps),
         irradiance=counted(readable(publish(maps, dim))),
     )
-    assert len(surfaces.scene.spans)  # a table, which is made when it is first asked for
     fraction = fraction_bits(scene, balanced=True)
-    world = World(surfaces=surfaces, lightmaps=maps, lights=_watched(lights_of(scene)), fraction=fraction)
+    world = World(
+        surfaces=surfaces, lightmaps=maps, lights=_watched(lights_of(scene)), fraction=fraction, specular=False
+    )
     texel = np.random.default_rng(SEED).choice(np.flatnonzero(maps.texels["state"] == 1), UPDATES, replace=False)
     update = Update(texel=texel, record=counted(maps.texels[texel]), number=np.full(UPDATES, 3), seed=SEED)
     tracer: Any = _Tracer(scene)

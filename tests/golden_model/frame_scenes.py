@@ -7,8 +7,10 @@ import numpy as np
 
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.contract.formats import POINT_LIGHT
+from lightloom.golden_model.driver.geometry import Geometries
 from lightloom.golden_model.frame.rasterizer import Mesh, draw
 from lightloom.golden_model.rays.collector import Collector, Packing
+from lightloom.golden_model.rays.geometry import Geometry
 from lightloom.golden_model.rays.surface_shading import Surfaces
 from lightloom.golden_model.scene.assemble import assemble
 from lightloom.golden_model.scene.lightmap import Lightmaps
@@ -70,10 +72,16 @@ def scene_of(parts: list[Part], lights: Sequence[tuple] = (), texel_size: float 
     return assemble(name="test", parts=parts, where="test", point_lights=points, texel_size=texel_size)
 
 
+def geometry_of(scene: Scene, maps: Lightmaps | None = None) -> Geometry:
+    """What rays read of its triangles."""
+    return Geometries(scene, maps or unwrap(scene)).at(scene)[0]
+
+
 @dataclass(frozen=True)
 class Frame:
     """A scene seen from somewhere."""
 
+    scene: Scene
     view: View
     gbuffer: np.ndarray
     surfaces: Surfaces
@@ -104,8 +112,15 @@ def seen_from(
     if irradiance is None:
         irradiance = np.random.default_rng(5).uniform(0.5, 4, (len(maps.texels), 3)).astype(np.float32)
     view = look_at(np.array(eye), np.array(target), UP, tan, size, size)
-    surfaces = Surfaces(scene=scene, lightmaps=maps, irradiance=irradiance, textures=build_textures(scene.textures))
-    return Frame(view, draw(view, mesh_of(scene, maps)).gbuffer, surfaces, Structure(scene))
+    geometry, coarse = Geometries(scene, maps).at(scene)
+    surfaces = Surfaces(
+        geometry=geometry,
+        coarse=coarse,
+        lightmaps=maps,
+        irradiance=irradiance,
+        textures=build_textures(scene.textures),
+    )
+    return Frame(scene, view, draw(view, mesh_of(scene, maps)).gbuffer, surfaces, Structure(scene))
 
 
 def flat_light(scene: Scene, value: float | np.floating) -> np.ndarray:

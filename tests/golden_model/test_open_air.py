@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.contract.formats import HIT
+from lightloom.golden_model.driver.geometry import shapes_of
 from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.frame.frame_rays import FrameShading
 from lightloom.golden_model.oracle.converged_maps import Reference
@@ -156,7 +157,7 @@ def test_irradiance_against_mitsuba(tmp_path: Path) -> None:
     u, v = random.uniform(0.05, 0.95, (2, 120))
     hits["u"], hits["v"] = np.where(u + v > 1, 1 - u, u), np.where(u + v > 1, 1 - v, v)
     hits["front"] = True
-    surface = surface_at(scene, hits)
+    surface = surface_at(shapes_of(scene), hits)
     under = (np.abs(surface.place[:, [0, 2]] - (0.4, 0.2)).max(axis=1) < 0.61) & (surface.place[:, 1] == 0)
     place, facing = surface.place[~under], surface.facing[~under]
     material = scene.material[hits["primitive"][~under]]

@@ -34,7 +34,6 @@ from lightloom.golden_model.rays.waves import Waves
 from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.lights import Lights
 from lightloom.golden_model.scene.octahedral import on_octahedron
-from lightloom.golden_model.scene.scene import Scene
 
 _LIT = 1  # what a path's key is hashed with for the shadow ray of its hit
 
@@ -50,11 +49,8 @@ class World:
     lights: Lights
     fraction: int
     """Bits after the point of the accumulators."""
-
-    @property
-    def scene(self) -> Scene:
-        """The frame's scene."""
-        return self.surfaces.scene
+    specular: bool
+    """Whether any triangle is a mirror or glass."""
 
     def sky(self, direction: np.ndarray) -> np.ndarray:
         """What rays of `direction` (N, 3) bring that leave the scene behind mirrors and glass: radiance (N, 3) float32.

@@ -11,17 +11,17 @@ from lightloom.golden_model.frame.frame_rays import FrameRays, FrameShading, tra
 from lightloom.golden_model.frame.ray_buffer import RayBuffer
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.rays.collector import FRAGMENT_SHADING, FRAME_SHADER, Packing
-from lightloom.golden_model.rays.surface_shading import ray_weights, shade_pixels
+from lightloom.golden_model.rays.surface_shading import CoarseSurfaces, ray_weights, shade_pixels
 from lightloom.golden_model.scene.lights import lights_of
 from lightloom.golden_model.scene.parts import GLASS, MIRROR, Part
 from lightloom.golden_model.tracing.bvh.structure import Structure
-from tests.golden_model.frame_scenes import Frame, ball, flat_light, quad, room, scene_of, seen_from
+from tests.golden_model.frame_scenes import Frame, ball, flat_light, geometry_of, quad, room, scene_of, seen_from
 
 EYE, TARGET = (0.1, 0.2, 0.9), (0, 0, -1)
 
 
 def rays_of(frame: Frame, options: FrameShading, **more) -> FrameRays:
-    scene = frame.surfaces.scene
+    scene = frame.scene
     fraction = fraction_bits(scene, False)
     return FrameRays(frame.surfaces, frame.view, frame.gbuffer, lights_of(scene), fraction, options, **more)
 
@@ -182,7 +182,8 @@ def test_rays_go_to_the_geometry_that_is_chosen_for_them() -> None:
     both = replace(scene, coarse=replace(less, object_names=scene.object_names))
     frame = seen_from(both, (0, 0, 0.9), (0, 0.3, -1), tan=1.0)
     links = np.zeros((len(less.triangles), 3), dtype=np.int32)
-    frame = replace(frame, surfaces=replace(frame.surfaces, links=links))
+    reduced = CoarseSurfaces(geometry=geometry_of(less), links=links)
+    frame = replace(frame, surfaces=replace(frame.surfaces, coarse=reduced))
     mirror = frame.gbuffer["object"] == [p.name for p in walls].index("far")
     fine, coarse = (picture(frame, FrameShading(coarse_specular=choice)) for choice in (False, True))
     assert fine[mirror].max() >= 5

@@ -8,13 +8,13 @@ import pytest
 from lightloom.golden_model.contract.formats import HIT, RAY
 from lightloom.golden_model.numerics.vectors import interpolate
 from lightloom.golden_model.rays.hit_shading import direct_at_hits, direct_light, fresnel, scatter, shade_rays
-from lightloom.golden_model.rays.surface_shading import diffuse_radiance
+from lightloom.golden_model.rays.surface_shading import CoarseSurfaces, diffuse_radiance
 from lightloom.golden_model.scene.lights import lights_of
 from lightloom.golden_model.scene.parts import GLASS, MIRROR
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.bvh.build import build
 from lightloom.golden_model.tracing.bvh.traversal import trace
-from tests.golden_model.frame_scenes import ball, flat_light, quad, room, scene_of, seen_from
+from tests.golden_model.frame_scenes import ball, flat_light, geometry_of, quad, room, scene_of, seen_from
 
 SQUARE = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]  # faces +z
 
@@ -52,7 +52,7 @@ def test_a_flat_mirror_reflects_by_the_law_and_tints(side: int) -> None:
     rays, hits = aimed(scene, origin, target)
     assert (hits["front"] == (side > 0)).all()
     tint = np.full((200, 3), 0.25, dtype=np.float32)
-    onward = scatter(scene, rays["direction"], hits, tint, keys(200), both=True)
+    onward = scatter(geometry_of(scene), rays["direction"], hits, tint, keys(200), both=True)
     assert (onward.parent == np.arange(200)).all()
     assert (onward.weight == 0.25).all()
     expected = (target - origin) * [1, 1, -1]
@@ -85,7 +85,7 @@ def test_glass_bends_by_snell_and_splits_by_fresnel(side: int) -> None:
     origin = np.concatenate([rng.uniform(-4, 4, (count, 2)), np.full((count, 1), 1.0 * side)], axis=1)
     rays, hits = aimed(scene, origin, target)
     tint = np.full((count, 3), 0.5, dtype=np.float32)
-    onward = scatter(scene, rays["direction"], hits, tint, keys(count), both=True)
+    onward = scatter(geometry_of(scene), rays["direction"], hits, tint, keys(count), both=True)
     through = np.sign(onward.rays["direction"][:, 2]) == -side
 
     d = (target - origin) / np.linalg.norm(target - origin, axis=1)[:, None]
@@ -109,7 +109,9 @@ def test_one_ray_of_glass_is_chosen_as_often_as_the_reflectance_says() -> None:
     scene = pane(GLASS)
     count = 20_000
     rays, hits = aimed(scene, np.tile([[3.0, 0, 1]], (count, 1)), np.tile([[0.1, 0.2, 0]], (count, 1)))
-    onward = scatter(scene, rays["direction"], hits, np.ones((count, 3), np.float32), keys(count), both=False)
+    onward = scatter(
+        geometry_of(scene), rays["direction"], hits, np.ones((count, 3), np.float32), keys(count), both=False
+    )
     assert (onward.parent == np.arange(count)).all()
     assert (onward.weight == 1).all()
     d = rays["direction"][0] / np.linalg.norm(rays["direction"][0])
@@ -122,14 +124,14 @@ def test_a_slab_of_glass_only_shifts_what_is_behind_it() -> None:
     front = quad("front", [(x, y, 0.2) for x, y, _ in SQUARE], 1.0, surface=GLASS)
     back = quad("back", [(x, y, -0.2) for x, y, _ in SQUARE[::-1]], 1.0, surface=GLASS)
     scene = scene_of([front, back])
-    bvh = build(scene.triangles)
+    bvh, geometry = build(scene.triangles), geometry_of(scene)
     rng = np.random.default_rng(2)
     target = np.concatenate([rng.uniform(-0.4, 0.4, (100, 2)), np.full((100, 1), 0.2)], axis=1)
     rays, hits = aimed(scene, np.array([[0.3, -0.2, 3.0]]), target)
     start = rays["direction"] / np.linalg.norm(rays["direction"], axis=1)[:, None]
     for wave in range(2):
         onward = scatter(
-            scene, rays["direction"], hits, np.ones((len(hits), 3), np.float32), keys(len(hits)), both=True
+            geometry, rays["direction"], hits, np.ones((len(hits), 3), np.float32), keys(len(hits)), both=True
         )
         rays = onward.rays[onward.rays["direction"][:, 2] < 0]
         hits = trace(bvh, rays)
@@ -151,7 +153,9 @@ def test_new_rays_leave_a_smooth_sphere_on_the_right_side(surface: int, seed: in
     rays, hits = aimed(scene, origin, aim)
     rays, hits = rays[hits["primitive"] >= 0], hits[hits["primitive"] >= 0]
     assert hits["front"].all()
-    onward = scatter(scene, rays["direction"], hits, np.ones((len(hits), 3), np.float32), keys(len(hits)), both=True)
+    onward = scatter(
+        geometry_of(scene), rays["direction"], hits, np.ones((len(hits), 3), np.float32), keys(len(hits)), both=True
+    )
     triangle = scene.triangles[hits["primitive"][onward.parent]]
     wall = np.cross(triangle["v1"] - triangle["v0"], triangle["v2"] - triangle["v0"]).astype(np.float64)
     wall /= np.linalg.norm(wall, axis=1)[:, None]
@@ -225,7 +229,7 @@ def test_direct_light_of_a_point_light_is_intensity_cosine_over_square() -> None
     hits = np.concatenate([hits, np.zeros(1, dtype=HIT)])
     hits["primitive"][-1] = -1
     lights = lights_of(scene)
-    direct = direct_light(scene, lights, hits, keys(301))
+    direct = direct_light(geometry_of(scene), lights, hits, keys(301))
     assert (direct.parent == np.arange(300)).all(), "a miss has no light of its own"
     place = rays["origin"] + hits["t"][:300, None] * rays["direction"]
     toward = np.array([0.2, 0.3, -0.1]) - place
@@ -248,10 +252,11 @@ def test_coarse_hits_show_the_texels_they_are_linked_to() -> None:
     maps = frame.surfaces.lightmaps
     links = np.repeat(maps.offset[fine.object_id][:, None], 3, axis=1).astype(np.int32)
     rays, hits = aimed(fine, np.zeros((1, 3)), np.random.default_rng(7).normal(size=(100, 3)))
-    linked = replace(frame.surfaces, scene=replace(fine, coarse=replace(fine)), links=links)
+    linked = replace(frame.surfaces, coarse=CoarseSurfaces(geometry=geometry_of(fine, maps), links=links))
     there = shade_rays(linked, rays, hits, keys(100), emission=True, coarse=True).radiance
     here = shade_rays(frame.surfaces, rays, hits, keys(100), emission=True).radiance
     assert np.allclose(there, here, rtol=1e-6)
     assert (here > 0).all()
-    cut = replace(linked, links=np.full_like(links, -1))
+    assert linked.coarse is not None
+    cut = replace(linked, coarse=replace(linked.coarse, links=np.full_like(links, -1)))
     assert not shade_rays(cut, rays, hits, keys(100), emission=True, coarse=True).radiance.any()

@@ -23,7 +23,7 @@ from lightloom.golden_model.scene.pinhole import look_at, pixel_rays
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.bvh.build import build
 from lightloom.golden_model.tracing.bvh.traversal import trace
-from tests.golden_model.frame_scenes import flat_light, mesh_of, quad, room, scene_of, seen_from
+from tests.golden_model.frame_scenes import flat_light, geometry_of, mesh_of, quad, room, scene_of, seen_from
 
 UP = np.array([0, 1, 0], dtype=np.float32)
 
@@ -35,7 +35,7 @@ def three_objects() -> Scene:
 def constant(scene: Scene, level: float) -> Surfaces:
     maps = unwrap(scene)
     values = np.full((len(maps.texels), 3), level, dtype=np.float32)
-    return Surfaces(scene=scene, lightmaps=maps, irradiance=values)
+    return Surfaces(geometry=geometry_of(scene, maps), lightmaps=maps, irradiance=values)
 
 
 def test_constant_map_gives_albedo_times_irradiance_over_pi_plus_emission() -> None:
@@ -69,7 +69,7 @@ def test_hits_agree_with_pixels_but_for_emission() -> None:
     scene = three_objects()
     maps = unwrap(scene)
     values = np.random.default_rng(0).uniform(0, 5, (len(maps.texels), 3)).astype(np.float32)
-    surfaces = Surfaces(scene=scene, lightmaps=maps, irradiance=values)
+    surfaces = Surfaces(geometry=geometry_of(scene, maps), lightmaps=maps, irradiance=values)
     view = look_at(np.array([100, 300, -500]), np.array([300, 250, 280]), UP, 0.7, 64, 64)
     gbuffer = rasterize(view, scene.triangles, scene.normals, scene.object_id, maps.uv)
     hits = trace(build(scene.triangles), pixel_rays(view))

@@ -8,6 +8,7 @@ import trimesh
 
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.contract.formats import RAY
+from lightloom.golden_model.driver.geometry import Geometries
 from lightloom.golden_model.numerics.vectors import vector
 from lightloom.golden_model.rays.surface_shading import Surfaces, diffuse_radiance
 from lightloom.golden_model.scene.coarse_geometry import coarse_links, decimated, fine_triangles
@@ -118,9 +119,8 @@ def test_coarse_hits_show_what_fine_ones_do(ball: Scene) -> None:
     light = np.where(maps.texels["state"] == VALID, light, light[np.maximum(maps.fill, 0)]).astype(np.float32)
     position = maps.texels["position"][np.maximum(maps.fill, 0)]
     values = light[:, None] * (1 + np.abs(position)).astype(np.float32)
-    surfaces = Surfaces(
-        scene=ball, lightmaps=maps, irradiance=values, links=coarse_links(maps, ball), fine=fine_triangles(ball)
-    )
+    geometry, coarse_surfaces = Geometries(ball, maps).at(ball)
+    surfaces = Surfaces(geometry=geometry, coarse=coarse_surfaces, lightmaps=maps, irradiance=values)
     rays = np.zeros(4000, dtype=RAY)
     random = np.random.default_rng(SEED)
     rays["origin"] = random.uniform((-2.5, 0.5, 2.5), (2.5, 2.5, 2.9), (4000, 3))

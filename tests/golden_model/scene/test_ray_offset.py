@@ -14,6 +14,7 @@ import pytest
 from lightloom.golden_model.charts.buried import hemisphere_rays
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.contract.formats import HIT, RAY, TRIANGLE
+from lightloom.golden_model.driver.geometry import shapes_of
 from lightloom.golden_model.numerics.directions import cosine_table
 from lightloom.golden_model.rays.hit_surface import surface_at
 from lightloom.golden_model.rays.light_samples import direct_candidates
@@ -118,7 +119,7 @@ def self_hits(side: int) -> tuple[int, str]:
     count, found, first = len(normal), 0, ""
     hits = points_of(count, random)
     hits["front"] = side > 0
-    surface = surface_at(scene, hits)
+    surface = surface_at(shapes_of(scene), hits)
     for _ in range(RAYS):
         rays = np.zeros(count, dtype=RAY)
         rays["origin"], rays["t_max"] = surface.start, np.inf
@@ -153,7 +154,7 @@ def test_rays_start_no_farther_off_than_rounding_makes_necessary() -> None:
     """Walls that are farther apart do not leak: a few units in the last place of the point, and of the span."""
     random = np.random.default_rng(SEED + 2)
     scene = pairs().scene
-    surface = surface_at(scene, points_of(len(pairs().normal), random))
+    surface = surface_at(shapes_of(scene), points_of(len(pairs().normal), random))
     place, wall = surface.place.astype(np.float64), surface.wall.astype(np.float64)
     away = ray_offset.lift(surface.place, surface.wall, surface.span)
     limit = 2 * 2.0**-24 * np.abs(place * wall).sum(axis=1) + 32 * 2.0**-24 * surface.span
@@ -167,7 +168,9 @@ def test_nothing_else_in_the_scene_counts() -> None:
     box = load_scene("cornell-box").corners
     far = np.array([[[1e5, 0, 0], [1e5 + 1, 0, 0], [1e5 + 1, 1, 0]]], dtype=np.float32)
     hits = points_of(len(box), np.random.default_rng(SEED + 3))
-    alone, beside = (surface_at(scene_of(corners), hits).start for corners in (box, np.concatenate([box, far])))
+    alone, beside = (
+        surface_at(shapes_of(scene_of(corners)), hits).start for corners in (box, np.concatenate([box, far]))
+    )
     assert alone.tobytes() == beside.tobytes()
 
 

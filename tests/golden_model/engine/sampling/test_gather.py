@@ -20,40 +20,47 @@ from lightloom.golden_model.rays.surface_shading import Surfaces
 from lightloom.golden_model.rays.waves import run_together
 from lightloom.golden_model.scene.lightmap import VALID
 from lightloom.golden_model.scene.lights import Lights, lights_of
+from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.bvh.structure import Structure
+from tests.golden_model.frame_scenes import geometry_of
 from tests.golden_model.test_frame_loop import room
 
 SEED = 21
 
 
 @pytest.fixture(scope="module")
-def world(tmp_path_factory: pytest.TempPathFactory) -> World:
-    """A room with mirrors and glass, its maps evenly lit."""
-    scene = room(tmp_path_factory.mktemp("scene"), SEED, specular=True)
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    """A room with mirrors and glass."""
+    return room(tmp_path_factory.mktemp("scene"), SEED, specular=True)
+
+
+@pytest.fixture(scope="module")
+def world(scene: Scene) -> World:
+    """The room, its maps evenly lit."""
     maps = unwrap(scene)
     shown = np.ones((len(maps.texels), 3), dtype=np.float32)
-    surfaces = Surfaces(scene=scene, lightmaps=maps, irradiance=shown)
-    return World(surfaces=surfaces, lightmaps=maps, lights=lights_of(scene), fraction=20)
+    surfaces = Surfaces(geometry=geometry_of(scene, maps), lightmaps=maps, irradiance=shown)
+    return World(surfaces=surfaces, lightmaps=maps, lights=lights_of(scene), fraction=20, specular=scene.specular)
 
 
-def sampled(world: World, sampling: Sampling) -> Gathered:
+def sampled(scene: Scene, world: World, sampling: Sampling) -> Gathered:
     """One sample of each texel."""
     texel = np.flatnonzero(world.lightmaps.texels["state"] == VALID)
     number = np.zeros(len(texel), dtype=np.int64)
     update = Update(texel=texel, record=world.lightmaps.texels[texel], number=number, seed=SEED)
-    collector, clock = collector_of(world.scene, Structure(world.scene).trace), Stopwatch()
+    collector, clock = collector_of(scene, Structure(scene).trace), Stopwatch()
     (done,) = run_together(collector, clock, gather(world, update, sampling, collector, clock))
     return done
 
 
-def test_shadow_rays_of_what_was_met_are_contributions_of_their_own(world: World) -> None:
+def test_shadow_rays_of_what_was_met_are_contributions_of_their_own(scene: Scene, world: World) -> None:
     """What paths bring is the same to the bit with them and without, and so their results may come in at any time."""
     sampling = Sampling(directions=8, direct="rays")
     none = Lights(
         **{name: value if value is None else value[:0] for name, value in vars(world.lights).items()}
         | {"begin": world.lights.begin[:1], "of_triangle": np.full_like(world.lights.of_triangle, -1)}
     )
-    paths, both = sampled(replace(world, lights=none), sampling), sampled(world, sampling)
+    paths, both = sampled(scene, replace(world, lights=none), sampling), sampled(scene, world, sampling)
     assert paths.rays["shadow"] == 0
     assert both.rays["shadow"] > 500
     assert both.rays["specular"] == paths.rays["specular"] > 100
@@ -69,9 +76,9 @@ def test_shadow_rays_of_what_was_met_are_contributions_of_their_own(world: World
 
 
 @pytest.mark.parametrize("direct", ["maps", "rays"])
-def test_rays_that_a_texel_may_have_are_counted(world: World, direct: str) -> None:
+def test_rays_that_a_texel_may_have_are_counted(scene: Scene, world: World, direct: str) -> None:
     sampling = Sampling(directions=8, light_samples=4, direct=direct)  # type: ignore[arg-type]
-    sums = sampled(world, sampling).sums
+    sums = sampled(scene, world, sampling).sums
     assert (sums["rays"] == (8, 4 if direct == "maps" else 8)).all()
 
 
