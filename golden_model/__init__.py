@@ -2,14 +2,18 @@
 
 Its floors, the top first; an import leads from a floor to a lower one (`tests/test_rooms.py` holds that):
 
-7. `renderer`, `oracle`, `models`
-6. `driver`
-5. `engine`, `frame`, `charts`, `stimuli`
-4. `tracing`, `rays`, `pictures`
-3. `scene`, `machine`
+10. `renderer`, `oracle`, `models`
+9. `driver`
+8. `frame`, `charts`, `stimuli`
+7. `structures`, `pictures`
+6. `scene`
+5. `engine`, `machine`
+4. `tracing`, `rays`
+3. `tables`
 2. `numerics`
 1. `contract`, `host`
 
+What hardware does lies below the scene: it works on tables.
 A unit's name here is its name in `rtl` and in `verif`.
 """
 

@@ -14,21 +14,16 @@ from typing import Any
 import numpy as np
 
 from lightloom.golden_model.charts.unwrap import unwrap
-from lightloom.golden_model.driver.geometry import Geometries
+from lightloom.golden_model.driver.geometry import Geometries, collector_of
+from lightloom.golden_model.driver.limits import require_affordable
 from lightloom.golden_model.driver.predicted_view import predicted_view
 from lightloom.golden_model.driver.report import Reporter
+from lightloom.golden_model.driver.rest import at_rest, dark, settled
 from lightloom.golden_model.engine.kernels import Kernels
 from lightloom.golden_model.engine.maintainer import Maintainer, Maintenance
 from lightloom.golden_model.engine.publishing.flip_chain import LONGEST, FlipChain
 from lightloom.golden_model.engine.publishing.publisher import Publisher
-from lightloom.golden_model.engine.sampling.accumulate import (
-    at_rest,
-    brightness_of,
-    dark,
-    fraction_bits,
-    light_of,
-    settled,
-)
+from lightloom.golden_model.engine.sampling.accumulate import brightness_of, light_of
 from lightloom.golden_model.engine.sampling.gather import World
 from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.engine.selection.policy import Policy
@@ -41,18 +36,19 @@ from lightloom.golden_model.host.parameters import check, choice, number
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.machine.budget_controller import BudgetController, BudgetPolicy, measure
 from lightloom.golden_model.machine.cost_model import FrameCounts, Machine, RayCounts
-from lightloom.golden_model.rays.collector import MAINTENANCE, Collector, Packing, collector_of
+from lightloom.golden_model.rays.collector import MAINTENANCE, Collector, Packing
 from lightloom.golden_model.rays.surface_shading import Surfaces, ray_weights, readable, shade_fragments, shade_pixels
 from lightloom.golden_model.rays.waves import Waves, run_together
-from lightloom.golden_model.scene.light_unit import in_unit, light_exponent
-from lightloom.golden_model.scene.lightmap import Lightmaps, back_rows_of
-from lightloom.golden_model.scene.lights import Lights, lights_of
-from lightloom.golden_model.scene.pinhole import View, look_at
-from lightloom.golden_model.scene.pose import entrances, moved_records, scene_at
+from lightloom.golden_model.scene.light_unit import fraction_bits, in_unit, light_exponent
+from lightloom.golden_model.scene.lights import lights_of
+from lightloom.golden_model.scene.pose import back_rows_of, entrances, moved_records, scene_at
 from lightloom.golden_model.scene.scene import Scene, require_light
 from lightloom.golden_model.scene.textures import build_textures, texel_coordinates
-from lightloom.golden_model.tracing.bvh.forest import ForestOptions
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.forest import ForestOptions
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import Lightmaps
+from lightloom.golden_model.tables.lights import Lights
+from lightloom.golden_model.tables.pinhole import View, look_at
 from lightloom.golden_model.tracing.recorder import TestRecorder
 
 
@@ -159,7 +155,7 @@ class Renderer:
         self.sampling = sampling or Sampling()
         self.policy = policy or Policy()
         self.pipeline = pipeline or Pipeline()
-        self.sampling.require(budget, scene)
+        require_affordable(self.sampling, budget, scene)
         require_light(scene)
         if self.sampling.direct != self.pipeline.shading.direct:
             raise InputError("direct: texels and pixels must find direct light in the same way, by maps or by rays")
@@ -175,7 +171,7 @@ class Renderer:
         """Rays that the maintenance of the next frame may spend."""
         self._hold = None
         if hold is not None:
-            self.sampling.require(hold.least, scene)
+            require_affordable(self.sampling, hold.least, scene)
             self._hold = BudgetController(hold, budget)
             self.budget = self._hold.budget
         first = scene_at(scene, 0)

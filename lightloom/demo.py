@@ -4,6 +4,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lightloom.golden_model.driver.limits import require_affordable
 from lightloom.golden_model.host.outputs import whole_folder
 from lightloom.shared.console import Progress, json_text
 
@@ -61,7 +62,7 @@ def demo(options: DemoOptions, out: Path, progress: Progress) -> dict[str, Any]:
 
     sampling = Sampling(directions=options.directions, light_samples=options.light_samples)
     scene = looped(load_scene("cornell-box"), options.frames)
-    sampling.require(options.budget, scene)
+    require_affordable(sampling, options.budget, scene)
     verilator(), compiler()  # what is missing is better known before the render than after it
     with whole_folder(out) as folder:
         recorder = TestRecorder(options.replay_limit, options.seed)

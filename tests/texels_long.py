@@ -29,7 +29,7 @@ from lightloom.golden_model.host.outputs import whole_file
 from lightloom.golden_model.models import model_results
 from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
 from lightloom.rtl.config import PRESETS
 from lightloom.sim.bulk import BulkUnit
 from lightloom.verif.vectors.unit_vectors import unit_vectors

@@ -14,7 +14,8 @@ import numpy as np
 from lightloom.golden_model.charts.sample_points import ChartedTriangles, other_points
 from lightloom.golden_model.contract.formats import RAY, TRIANGLE
 from lightloom.golden_model.numerics.directions import cosine_table, to_world
-from lightloom.golden_model.scene.lightmap import (
+from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lightmap import (
     BURIED,
     SIDE_LEVELS,
     VALID,
@@ -22,7 +23,6 @@ from lightloom.golden_model.scene.lightmap import (
     lightmap_coordinates,
     row_and_column,
 )
-from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.bvh import traversal
 from lightloom.golden_model.tracing.bvh.build import build
 from lightloom.golden_model.tracing.trace_protocol import Trace

@@ -10,12 +10,12 @@ import numpy as np
 
 from lightloom.golden_model.charts.buried import BATCH, alone
 from lightloom.golden_model.charts.sample_points import ChartedTriangles
+from lightloom.golden_model.contract.engine_image import GLASS
 from lightloom.golden_model.contract.formats import RAY
 from lightloom.golden_model.scene.barriers import SLICE, STEEPEST
-from lightloom.golden_model.scene.lightmap import DOWN, RIGHT, VALID, Lightmaps, followed, joined, steps_of
 from lightloom.golden_model.scene.mesh import area_vectors, dot
-from lightloom.golden_model.scene.parts import GLASS
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lightmap import DOWN, RIGHT, VALID, Lightmaps, followed, joined, steps_of
 from lightloom.golden_model.tracing.trace_protocol import Trace
 
 

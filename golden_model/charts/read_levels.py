@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightloom.golden_model.scene.lightmap import Lightmaps, joined, levels_of
+from lightloom.golden_model.tables.lightmap import Lightmaps, joined, levels_of
 
 MIXED = -2
 

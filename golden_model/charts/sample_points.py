@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightloom.golden_model.charts.texels import inside_border, surface_texels
-from lightloom.golden_model.scene.lightmap import Lightmaps, row_and_column
+from lightloom.golden_model.tables.lightmap import Lightmaps, row_and_column
 
 _SIDE = np.arange(-7, 8, 2) / 8
 OFFSETS = np.array(sorted(((x, y) for x in _SIDE for y in _SIDE), key=lambda place: place[0] ** 2 + place[1] ** 2))

@@ -10,9 +10,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from lightloom.golden_model.contract.formats import TEXEL
-from lightloom.golden_model.scene.lightmap import VALID
 from lightloom.golden_model.scene.mesh import area_vectors, cross, dot
-from lightloom.golden_model.scene.ray_offset import ray_start
+from lightloom.golden_model.tables.lightmap import VALID
+from lightloom.golden_model.tables.ray_offset import ray_start
 
 MARGIN = 1.0 / 16
 """Points keep this distance, in texels, from the border of their chart, so that none lies in a wall that meets it."""

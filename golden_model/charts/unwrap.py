@@ -16,10 +16,10 @@ from lightloom.golden_model.charts.unwrap_process import KilledError, Unwrapper
 from lightloom.golden_model.contract.formats import TEXEL
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.scene.flat_pieces import flat_pieces
-from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.mesh import area_vectors, dot
-from lightloom.golden_model.scene.ray_offset import lift
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lightmap import Lightmaps
+from lightloom.golden_model.tables.ray_offset import lift
 from lightloom.golden_model.tracing.trace_protocol import Trace
 
 MOST_TEXELS = 1 << 24

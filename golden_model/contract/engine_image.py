@@ -26,11 +26,14 @@ SURFACE = np.dtype(
 )
 
 # What the shading of mirrors, of glass and of shadow rays from hits reads of it besides, two blocks: corners, unit
-# normals there, and what the distance at which rays start goes with (`scene.ray_offset`).
+# normals there, and what the distance at which rays start goes with (`tables.ray_offset`).
 SHAPE = np.dtype([("corner", F4, (3, 3)), ("normal", F4, (3, 3)), ("span", F4), ("reserved", U4, (13,))])
 
+DIFFUSE, MIRROR, GLASS = 0, 1, 2
+"""Kinds of surface: diffuse ones have lightmaps; mirrors reflect, glass reflects and refracts, both without blur."""
+
 # A material, a block: albedo or tint, radiance that its front emits, index of refraction; textures that multiply the
-# first and the second, -1 for none; what kind of surface (`scene.parts`), whether it reflects on both sides.
+# first and the second, -1 for none; what kind of surface, whether it reflects on both sides.
 MATERIAL = np.dtype(
     [
         ("albedo", F4, (3,)),

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lightloom.golden_model.contract.engine_image import DIFFUSE
 from lightloom.golden_model.scene.mesh import area_vectors
-from lightloom.golden_model.scene.parts import DIFFUSE
 from lightloom.golden_model.scene.scene import Scene
 
 PI = 3.141592653589793

@@ -17,8 +17,8 @@ from lightloom.golden_model.driver.volumes import (
 from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.numerics.floats import flush, quiet
 from lightloom.golden_model.numerics.vectors import add, cross, dot, normalize, scale, subtract
-from lightloom.golden_model.scene.ray_offset import ray_start
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.ray_offset import ray_start
 from lightloom.golden_model.tracing.trace_protocol import Trace
 
 TILTS = ((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0))

@@ -1,14 +1,15 @@
-"""The tables of triangles and materials that rays read, made of a frame's scene."""
+"""Tables of the triangles and materials of a frame for what rays read, and the cells that rays are collected in."""
 
 import numpy as np
 
 from lightloom.golden_model.contract.engine_image import MATERIAL, SHAPE, SURFACE
-from lightloom.golden_model.rays.geometry import Geometry
+from lightloom.golden_model.rays.collector import Collector, KindTrace, Packing
 from lightloom.golden_model.rays.surface_shading import CoarseSurfaces
 from lightloom.golden_model.scene.coarse_geometry import coarse_links, fine_triangles
-from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.scene.textures import texel_coordinates
+from lightloom.golden_model.tables.geometry import Geometry
+from lightloom.golden_model.tables.lightmap import Lightmaps
 
 
 class Geometries:
@@ -58,3 +59,9 @@ def materials_of(scene: Scene) -> np.ndarray:
     for name in ("albedo", "emission", "ior", "texture", "emission_texture", "surface", "two_sided"):
         out[name] = getattr(scene, name)
     return out
+
+
+def collector_of(scene: Scene, trace: KindTrace, packing: Packing | None = None) -> Collector:
+    """A collector whose cells divide the box around what is there in a frame's scene."""
+    corners = scene.corners[scene.present[scene.object_id]]
+    return Collector(trace, corners.min(axis=(0, 1)), corners.max(axis=(0, 1)), packing)

@@ -6,8 +6,8 @@ import numpy as np
 
 from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.numerics.floats import flush, quiet
-from lightloom.golden_model.scene.pinhole import View, look_at
 from lightloom.golden_model.scene.scene import Camera, Scene
+from lightloom.golden_model.tables.pinhole import View, look_at
 
 
 @quiet

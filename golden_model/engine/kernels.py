@@ -9,7 +9,7 @@ from functools import partial
 
 from lightloom.golden_model.engine.publishing.smoothing import Smoother
 from lightloom.golden_model.engine.selection.screen_test import ScreenTest, screen_test
-from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.tables.lightmap import Lightmaps
 from lightloom.golden_model.tracing.bvh.traversal import backend_of
 
 PORTION = 16384

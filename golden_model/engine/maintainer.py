@@ -21,8 +21,8 @@ from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.numerics.floats import LARGEST_HALF
 from lightloom.golden_model.rays.collector import Collector
 from lightloom.golden_model.rays.waves import Waves
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
-from lightloom.golden_model.scene.sides import firsts_first, sides_of
+from lightloom.golden_model.tables.lightmap import VALID, Lightmaps
+from lightloom.golden_model.tables.sides import firsts_first, sides_of
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ triangle would hide what is in front of it: such points are brought back to the 
 import numpy as np
 
 from lightloom.golden_model.numerics.floats import flush, quiet
-from lightloom.golden_model.scene.pinhole import View
+from lightloom.golden_model.tables.pinhole import View
 
 # The guard band reaches this many pixels from the middle of the picture. With at most 8192 pixels from the middle to
 # the border, a coordinate stays below 2**15 pixels, which with 8 fraction bits is 24 bits with the sign.

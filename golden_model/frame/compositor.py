@@ -5,7 +5,7 @@ import numpy as np
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.numerics.floats import flush, quiet
 from lightloom.golden_model.scene.environment import Environment
-from lightloom.golden_model.scene.pinhole import View, pixel_rays
+from lightloom.golden_model.tables.pinhole import View, pixel_rays
 
 MODES = ("both", "raster", "rays")
 """The picture; what fragment shading alone has found; what rays have added to it."""

@@ -17,6 +17,7 @@ from typing import Literal
 
 import numpy as np
 
+from lightloom.golden_model.contract.engine_image import DIFFUSE, MIRROR
 from lightloom.golden_model.contract.formats import HIT
 from lightloom.golden_model.frame.ray_buffer import RayBuffer
 from lightloom.golden_model.host.errors import InputError
@@ -26,9 +27,8 @@ from lightloom.golden_model.numerics.structured import take
 from lightloom.golden_model.rays.collector import FRAGMENT_SHADING, FRAME_SHADER, Collector
 from lightloom.golden_model.rays.hit_shading import Beyond, Onward, direct_at_hits, direct_light, scatter, shade_rays
 from lightloom.golden_model.rays.surface_shading import Surfaces, textured
-from lightloom.golden_model.scene.lights import Lights
-from lightloom.golden_model.scene.parts import DIFFUSE, MIRROR
-from lightloom.golden_model.scene.pinhole import View, pixel_rays
+from lightloom.golden_model.tables.lights import Lights
+from lightloom.golden_model.tables.pinhole import View, pixel_rays
 
 _SPECULAR, _SHADOW, _BEYOND = range(3)  # what a hash is for
 

@@ -28,7 +28,7 @@ from lightloom.golden_model.frame.tiles import TILE_SIDES, bin_triangles, by_til
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.numerics.floats import float_minmax, float_to_fixed, flush, quiet
 from lightloom.golden_model.numerics.structured import put
-from lightloom.golden_model.scene.pinhole import View, to_view
+from lightloom.golden_model.tables.pinhole import View, to_view
 
 SUBPIXEL_BITS = 8
 SUBPIXEL = 1 << SUBPIXEL_BITS

@@ -9,7 +9,7 @@ class RayBuffer:
     """What rays have brought to each pixel of a frame, RGB."""
 
     def __init__(self, height: int, width: int, fraction: int):
-        """`fraction`, 0 to 31: bits after the binary point, as `accumulate.fraction_bits` finds them for a scene."""
+        """`fraction`, 0 to 31: bits after the binary point, as `light_unit.fraction_bits` finds them for a scene."""
         self.height, self.width, self.fraction = height, width, fraction
         self.total = np.zeros((height * width, 3), dtype=np.int64)
         """Row by row from the top; 32 bits and one for each doubling of the rays that a pixel may get."""

@@ -11,24 +11,23 @@ from dataclasses import replace
 import numpy as np
 
 from lightloom.golden_model.contract.formats import TEXEL_STATE
-from lightloom.golden_model.driver.geometry import Geometries
+from lightloom.golden_model.driver.geometry import Geometries, collector_of
 from lightloom.golden_model.engine.publishing.publisher import Publisher
-from lightloom.golden_model.engine.sampling.accumulate import fraction_bits, light_of
+from lightloom.golden_model.engine.sampling.accumulate import light_of
 from lightloom.golden_model.engine.sampling.gather import World, gather
 from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.engine.sampling.texel_rays import Update
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.stopwatch import Stopwatch
-from lightloom.golden_model.rays.collector import collector_of
 from lightloom.golden_model.rays.surface_shading import Surfaces, readable
 from lightloom.golden_model.rays.waves import run_together
-from lightloom.golden_model.scene.light_unit import in_unit, light_exponent
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
+from lightloom.golden_model.scene.light_unit import fraction_bits, in_unit, light_exponent
 from lightloom.golden_model.scene.lights import lights_of
 from lightloom.golden_model.scene.pose import moved_records, scene_at, state_of
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.scene.textures import build_textures
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import VALID, Lightmaps
 
 ROUNDS = 8
 """That are averaged."""

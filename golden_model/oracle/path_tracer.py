@@ -27,9 +27,10 @@ from lightloom.golden_model.numerics.floats import flush, quiet
 from lightloom.golden_model.numerics.vectors import add, scale, subtract
 from lightloom.golden_model.rays.hit_surface import surface_at
 from lightloom.golden_model.rays.light_samples import direct_candidates, met_beyond, met_emission
-from lightloom.golden_model.scene.lights import Lights, lights_of
-from lightloom.golden_model.scene.ray_offset import lift, ray_start
+from lightloom.golden_model.scene.lights import lights_of
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lights import Lights
+from lightloom.golden_model.tables.ray_offset import lift, ray_start
 from lightloom.golden_model.tracing.trace_protocol import Trace
 
 _PI = np.float32(3.1415927)

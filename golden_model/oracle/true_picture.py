@@ -8,13 +8,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from lightloom.golden_model.contract.engine_image import DIFFUSE
 from lightloom.golden_model.contract.formats import HIT
 from lightloom.golden_model.driver.geometry import shapes_of
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.oracle.path_tracer import irradiance
 from lightloom.golden_model.rays.hit_surface import surface_at
 from lightloom.golden_model.rays.surface_shading import reflected
-from lightloom.golden_model.scene.parts import DIFFUSE
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.trace_protocol import Trace
 

@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from lightloom.golden_model.host.outputs import whole_file
-from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.tables.lightmap import Lightmaps
 
 SHOULDER = 0.75  # display values above it are compressed
 FILM_SUFFIXES = (".webp", ".gif", ".png")

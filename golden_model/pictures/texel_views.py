@@ -8,7 +8,7 @@ pictures are for the eye; nothing of the frame loop depends on them.
 import numpy as np
 
 from lightloom.golden_model.pictures.images import atlas
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
+from lightloom.golden_model.tables.lightmap import VALID, Lightmaps
 
 BACKGROUND = (22, 24, 28)
 NO_TEXEL = (112, 114, 118)

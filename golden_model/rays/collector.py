@@ -24,7 +24,6 @@ from lightloom.golden_model.contract.formats import HIT
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.numerics.floats import float_to_fixed_down, flush, quiet
 from lightloom.golden_model.numerics.structured import join, put, take
-from lightloom.golden_model.scene.scene import Scene
 
 FRAGMENT_SHADING, FRAME_SHADER, MAINTENANCE = "fragment shading", "frame shader", "lightmap maintenance"
 EMITTERS = (FRAGMENT_SHADING, FRAME_SHADER, MAINTENANCE)
@@ -198,12 +197,6 @@ class Collector:
         self.figures.forced += early - full
         for number, name in enumerate(self.figures.kinds):
             self.figures.kinds[name] += int(np.count_nonzero(kind == number))
-
-
-def collector_of(scene: Scene, trace: KindTrace, packing: Packing | None = None) -> Collector:
-    """A collector whose cells divide the box around what is there in a frame's scene."""
-    corners = scene.corners[scene.present[scene.object_id]]
-    return Collector(trace, corners.min(axis=(0, 1)), corners.max(axis=(0, 1)), packing)
 
 
 @quiet

@@ -19,17 +19,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from lightloom.golden_model.contract.engine_image import DIFFUSE, GLASS
 from lightloom.golden_model.contract.formats import RAY
 from lightloom.golden_model.numerics.counter_rng import hash_u32, uniform
 from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.structured import take
 from lightloom.golden_model.numerics.vectors import add, dot, normalize, scale
-from lightloom.golden_model.rays.geometry import Geometry
 from lightloom.golden_model.rays.hit_surface import surface_at
 from lightloom.golden_model.rays.light_samples import direct_candidates
 from lightloom.golden_model.rays.surface_shading import INVERSE_PI, Surfaces, albedo_at, diffuse_radiance, emitted_at
-from lightloom.golden_model.scene.lights import Lights
-from lightloom.golden_model.scene.parts import DIFFUSE, GLASS
+from lightloom.golden_model.tables.geometry import Geometry
+from lightloom.golden_model.tables.lights import Lights
 
 _REFLECTED, _REFRACTED = 1, 2  # what a path's key is hashed with
 

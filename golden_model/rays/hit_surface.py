@@ -7,7 +7,7 @@ import numpy as np
 from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.structured import take
 from lightloom.golden_model.numerics.vectors import add, cross, interpolate, normalize, scale, subtract
-from lightloom.golden_model.scene.ray_offset import ray_start
+from lightloom.golden_model.tables.ray_offset import ray_start
 
 
 @dataclass(frozen=True, kw_only=True)

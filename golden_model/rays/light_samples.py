@@ -3,7 +3,7 @@
 The irradiance at a point is the sum of the weights of the shadow rays that are not blocked. Rays and weights come
 first, so that the caller can count rays against a budget, trace them together with others, and add up afterwards.
 
-Self-hits: a shadow ray starts off the surface (`golden_model.scene.ray_offset`), and ends as far in front of the light
+Self-hits: a shadow ray starts off the surface (`golden_model.tables.ray_offset`), and ends as far in front of the light
 as it would have to start from there (`t_max` is 1 there), so that neither end needs a tolerance of its own.
 """
 
@@ -15,10 +15,9 @@ from lightloom.golden_model.numerics.directions import COUNT, cosine_table, sobo
 from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.vectors import add, dot, scale, subtract
 from lightloom.golden_model.rays.surface_shading import INVERSE_PI
-from lightloom.golden_model.scene.distant_lights import POINT, SKY, SUN, TRIANGLE
-from lightloom.golden_model.scene.lights import Lights
-from lightloom.golden_model.scene.octahedral import on_octahedron
-from lightloom.golden_model.scene.ray_offset import ray_start
+from lightloom.golden_model.tables.lights import POINT, SKY, SUN, TRIANGLE, Lights
+from lightloom.golden_model.tables.octahedral import on_octahedron
+from lightloom.golden_model.tables.ray_offset import ray_start
 
 NO_RIVALS = np.float32(0)
 """Light samples alone find the lights."""
@@ -37,7 +36,7 @@ def direct_candidates(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Shadow rays and weights for points (N, 3) with unit normals (N, 3): RAY (N, S), float32 (N, S, 3).
 
-    The points are those where rays start (`golden_model.scene.ray_offset`), which is close enough to the surface.
+    The points are those where rays start (`golden_model.tables.ray_offset`), which is close enough to the surface.
 
     `key` (N,) integers select a point's own sequence of samples and `first` (a number or (N,)) the place in it, so
     that updates of a texel go on where the last one stopped; runs of 16 are well spread over the lights. Samples with

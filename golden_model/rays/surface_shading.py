@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lightloom.golden_model.contract.engine_image import DIFFUSE, MIRROR
 from lightloom.golden_model.numerics.floats import flush, half_to_float, quiet
 from lightloom.golden_model.numerics.structured import take
 from lightloom.golden_model.numerics.vectors import interpolate
-from lightloom.golden_model.rays.geometry import Geometry
-from lightloom.golden_model.scene.lightmap import Lightmaps, bilinear, on_side, sample
-from lightloom.golden_model.scene.parts import DIFFUSE, MIRROR
-from lightloom.golden_model.scene.textures import Textures, sample_textures
+from lightloom.golden_model.tables.geometry import Geometry
+from lightloom.golden_model.tables.lightmap import Lightmaps, bilinear, on_side, sample
+from lightloom.golden_model.tables.textures import Textures, sample_textures
 
 INVERSE_PI = np.float32(0.31830987)
 

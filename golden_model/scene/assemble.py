@@ -13,8 +13,8 @@ from lightloom.golden_model.scene.cuts import cut_parts
 from lightloom.golden_model.scene.keyframes import REST, LightPath
 from lightloom.golden_model.scene.mesh import closed, shading_normals, usable_parts
 from lightloom.golden_model.scene.parts import Part
-from lightloom.golden_model.scene.ray_offset import SPAN, longest_edges
 from lightloom.golden_model.scene.scene import Camera, Keyframe, Scene
+from lightloom.golden_model.tables.ray_offset import SPAN, longest_edges
 
 LARGEST, SMALLEST = 2.0**40, 2.0**-40
 """Coordinates lie within +-LARGEST and the scene is larger than SMALLEST: squares of lengths stay normal float32."""

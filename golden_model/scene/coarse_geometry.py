@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.mesh import area_vectors, dot, without_area
 from lightloom.golden_model.scene.nearest import nearest
 from lightloom.golden_model.scene.parts import Part
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lightmap import VALID, Lightmaps
 
 FEWEST = 4
 """Triangles of a reduced mesh, at least: the fewest that enclose anything."""

@@ -14,11 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from lightloom.golden_model.contract.engine_image import DIFFUSE, GLASS
 from lightloom.golden_model.scene.barriers import SLICE, barriers, plane_of, traces
 from lightloom.golden_model.scene.cut_polygons import SAME, Corners, Piece, Polygon, divide, meet, triangulated
 from lightloom.golden_model.scene.flat_pieces import flat_pieces
 from lightloom.golden_model.scene.mesh import dot, shading_normals
-from lightloom.golden_model.scene.parts import DIFFUSE, GLASS, Part
+from lightloom.golden_model.scene.parts import Part
 
 
 def cut_parts(parts: Sequence[Part], texel_size: float) -> list[Part]:

@@ -7,10 +7,8 @@ import numpy as np
 from lightloom.golden_model.numerics.directions import tangent_of
 from lightloom.golden_model.numerics.vectors import cross, scale
 from lightloom.golden_model.scene.scene import Scene
-from lightloom.golden_model.scene.sky import SkyTable, luminance
-
-TRIANGLE, POINT, SUN, SKY = range(4)
-"""Kinds of light; from SUN on they lie beyond the scene."""
+from lightloom.golden_model.tables.lights import SKY, SUN
+from lightloom.golden_model.tables.sky import SkyTable, luminance
 
 
 @dataclass(frozen=True, kw_only=True)

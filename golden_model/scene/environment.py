@@ -7,9 +7,10 @@ import numpy as np
 
 from lightloom.golden_model.numerics.directions import sine_cosine_of
 from lightloom.golden_model.numerics.floats import flush, quiet
-from lightloom.golden_model.numerics.vectors import cross, dot
-from lightloom.golden_model.scene.octahedral import on_octahedron
-from lightloom.golden_model.scene.sky import TABLE_SIDE, SkyMap, SkyTable, fine_side, laid_out, table_of
+from lightloom.golden_model.scene.sky import fine_side, laid_out, table_of
+from lightloom.golden_model.tables.lights import Disc
+from lightloom.golden_model.tables.octahedral import on_octahedron
+from lightloom.golden_model.tables.sky import TABLE_SIDE, SkyMap, SkyTable
 
 _PI = 3.141592653589793
 LEAST_ANGLE = 1e-3
@@ -80,12 +81,10 @@ class Sun:
             return np.zeros(3, dtype=np.float32)
         return (self.irradiance.astype(np.float64) / (_PI * square)).astype(np.float32)
 
-    @quiet
-    def seen(self, direction: np.ndarray) -> np.ndarray:
-        """Which directions (N, 3) float32, of any length, lead to its disc, (N,) bool."""
-        along, off = dot(self.towards, direction), cross(self.towards[None], direction)
-        reach = flush(along * self.radius)
-        return np.asarray((along > 0) & (dot(off, off) <= flush(reach * reach)) & (self.radius > 0))
+    @property
+    def disc(self) -> Disc | None:
+        """What can be met of it; None of one without size."""
+        return Disc(towards=self.towards, radius=self.radius, radiance=self.radiance) if self.radius > 0 else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,9 +116,9 @@ class Environment:
         radiance = np.zeros(direction.shape, dtype=np.float32)
         if self.sky is not None:
             radiance = flush(radiance + self.sky.map.between(on_octahedron(direction)))
-        if self.sun is not None:
-            disc = self.sun.seen(direction)
-            radiance[disc] = flush(radiance[disc] + self.sun.radiance)
+        if self.sun is not None and (disc := self.sun.disc) is not None:
+            met = disc.seen(direction)
+            radiance[met] = flush(radiance[met] + disc.radiance)
         return radiance
 
     @functools.cached_property

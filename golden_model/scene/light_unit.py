@@ -22,6 +22,13 @@ POINT_BITS = 6
 them, where the maps saturate."""
 SPAN_BITS = 18
 """Lights that are up to 2**18 times weaker than these stay as they are."""
+HEADROOM_BITS = 10
+"""Of contributions that have no bound: what point lights bring, and area lights that shadow rays alone find."""
+BALANCED_HEADROOM_BITS = 6
+"""Of contributions of area lights where both ways to find them are balanced: at most pi times the emission …
+
+… over the number of rays, and as much again for each bounce, so that nothing saturates unless light adds up to more
+than twenty times what the brightest light emits, in one ray."""
 
 
 def light_exponent(scene: Scene) -> int:
@@ -63,3 +70,22 @@ def in_unit(scene: Scene, exponent: int) -> Scene:
 def _path_in_unit(path: LightPath, exponent: int) -> LightPath:
     keys = tuple(replace(key, intensity=np.ldexp(key.intensity, -exponent)) for key in path.keys)
     return replace(path, keys=keys)
+
+
+def fraction_bits(scene: Scene, balanced: bool) -> int:
+    """Bits after the binary point for the accumulators of a scene at rest, for all its frames: 0 to 31.
+
+    A contribution saturates at 2**31 / 2**fraction: 2**6 times the brightest emission of an area light and of the sky,
+    or more, where they are `balanced`, otherwise 2**10 times; and 2**10 times the irradiance of the sun, and of all
+    point lights from half the scene's longest side away. It is resolved to 2**-25, 2**-21 and 2**-21 of these or finer.
+    """
+    exponents = []
+    headroom = BALANCED_HEADROOM_BITS if balanced else HEADROOM_BITS
+    for brightest in (scene.brightest, scene.environment.brightest):
+        if brightest > 0:
+            exponents.append(int(np.frexp(brightest)[1]) + headroom)
+    if scene.environment.sun is not None and scene.environment.sun.irradiance.any():
+        exponents.append(int(np.frexp(scene.environment.sun.irradiance.max())[1]) + HEADROOM_BITS)
+    if len(scene.point_lights):
+        exponents.append(int(np.frexp(around_point_lights(scene))[1]) + HEADROOM_BITS)
+    return int(np.clip(31 - max(exponents, default=0), 0, 31))

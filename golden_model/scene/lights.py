@@ -5,64 +5,19 @@ There are area lights, point lights (with a cone: spot lights), the sun, and the
 `golden_model.rays.light_samples` samples them.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from lightloom.golden_model.contract.formats import CONE
 from lightloom.golden_model.numerics.floats import flush
 from lightloom.golden_model.numerics.vectors import cross, subtract
-from lightloom.golden_model.scene.distant_lights import POINT, TRIANGLE, distant_lights
-from lightloom.golden_model.scene.environment import Sun
+from lightloom.golden_model.scene.distant_lights import distant_lights
 from lightloom.golden_model.scene.mesh import area_vectors, dot
 from lightloom.golden_model.scene.scene import Scene
-from lightloom.golden_model.scene.sky import TABLE_SIDE, SkyTable, luminance
+from lightloom.golden_model.tables.lights import POINT, TRIANGLE, Lights
+from lightloom.golden_model.tables.sky import TABLE_SIDE, luminance
 
 WEIGHT_BITS = 31
 """The whole-number weights by which lights are chosen add up to less than 2**WEIGHT_BITS."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Lights:
-    """The K lights of a scene: its emissive triangles in their order, its point lights, its sun, its sky."""
-
-    kind: np.ndarray
-    """TRIANGLE, POINT, SUN or SKY, (K,) uint8."""
-    origin: np.ndarray
-    """First corner, position of a point light, direction to the middle of the sun, (K, 3) float32."""
-    edge1: np.ndarray
-    """Second corner minus the first, the sun's radius in one direction, (K, 3) float32, zero for others."""
-    edge2: np.ndarray
-    """Third corner minus the first, the sun's radius in the other direction, (K, 3) float32, zero for others."""
-    doubled: np.ndarray
-    """edge1 x edge2 of a triangle: its normal, as long as twice the area; (K, 3) float32, zero for others."""
-    unit: np.ndarray
-    """Unit normal of a triangle, (K, 3) float32, zero for others."""
-    span: np.ndarray
-    """`Scene.spans` of a triangle, (K,) float32, 0 for others."""
-    emitted: np.ndarray
-    """Radiance of a triangle or the sun (irradiance if it has no size), radiant intensity of a point light; (K, 3)
-    float32, zero for the sky."""
-    cone: np.ndarray | None
-    """CONE (K,), all around for what is no spot light; None where there is none."""
-    begin: np.ndarray
-    """A light k is chosen for whole numbers begin[k] <= x < begin[k + 1], (K + 1,) uint64."""
-    share: np.ndarray
-    """One over the chance to be chosen, (K,) float32; for triangles halved, because `doubled` is twice the area; for a
-    sun times the area of its disc one unit off."""
-    of_triangle: np.ndarray
-    """The light that each triangle of the scene is, (T,) int32, -1 where it does not shine."""
-    sun: Sun | None
-    """Where there is one that can be met."""
-    sky: SkyTable | None
-
-    def __len__(self) -> int:
-        return len(self.kind)
-
-    @property
-    def distant(self) -> bool:
-        """Whether rays that leave the scene can bring light."""
-        return self.sun is not None or self.sky is not None
 
 
 def lights_of(scene: Scene, sky_side: int = TABLE_SIDE) -> Lights:
@@ -112,7 +67,7 @@ def lights_of(scene: Scene, sky_side: int = TABLE_SIDE) -> Lights:
         begin=begin,
         share=share.astype(np.float32),
         of_triangle=of_triangle,
-        sun=sun if sun is not None and sun.radius > 0 else None,
+        sun=None if sun is None else sun.disc,
         sky=sky,
     )
 

@@ -4,10 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lightloom.golden_model.contract.engine_image import DIFFUSE
 from lightloom.golden_model.scene.keyframes import ObjectPath
-
-DIFFUSE, MIRROR, GLASS = 0, 1, 2
-"""Kinds of surface: diffuse ones have lightmaps; mirrors reflect, glass reflects and refracts, both without blur."""
 
 DEFAULT_IOR = 1.5
 """Index of refraction of glass whose file names none."""

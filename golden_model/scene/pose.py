@@ -8,8 +8,8 @@ from lightloom.golden_model.contract.formats import TRIANGLE
 from lightloom.golden_model.numerics.floats import quiet
 from lightloom.golden_model.numerics.vectors import add, scale
 from lightloom.golden_model.scene.keyframes import REST, light_at, object_pose, rotated
-from lightloom.golden_model.scene.lightmap import EMPTY, VALID, Lightmaps
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lightmap import EMPTY, VALID, Lightmaps
 
 NOWHERE = np.float32(np.nan)
 """Coordinates of an absent object's vertices."""
@@ -129,3 +129,11 @@ def moved_records(lightmaps: Lightmaps, scene: Scene) -> Lightmaps:
         part["normal"][used] = rotated(rotation, part["normal"][used])
         part["tangent"][used] = rotated(rotation, part["tangent"][used])
     return replace(lightmaps, texels=texels)
+
+
+def back_rows_of(lightmaps: Lightmaps, scene: Scene) -> np.ndarray | None:
+    """`Lightmaps.back_rows` of a scene's two-sided triangles, 0 for others: (T,) float32; None where there are none."""
+    if lightmaps.back_rows is None:
+        return None
+    rows = lightmaps.back_rows[scene.object_id].astype(np.float32)
+    return np.where(scene.two_sided[scene.material], rows, np.float32(0))

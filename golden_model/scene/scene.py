@@ -15,13 +15,13 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from lightloom.golden_model.contract.engine_image import DIFFUSE
 from lightloom.golden_model.contract.formats import CONE, POINT_LIGHT
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.scene.environment import Environment
 from lightloom.golden_model.scene.keyframes import LightPath, ObjectPath, segment
-from lightloom.golden_model.scene.parts import DIFFUSE
-from lightloom.golden_model.scene.ray_offset import spans
 from lightloom.golden_model.scene.texture_means import mean_over
+from lightloom.golden_model.tables.ray_offset import spans
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,7 @@ from lightloom.golden_model.numerics.floats import quiet
 from lightloom.golden_model.numerics.vectors import cross, interpolate, normalize, subtract
 from lightloom.golden_model.scene.assemble import framing_camera
 from lightloom.golden_model.scene.mesh import area_vectors, dot
-from lightloom.golden_model.scene.pinhole import look_at
+from lightloom.golden_model.tables.pinhole import look_at
 from lightloom.golden_model.tracing.ray_setup import ray_setup
 from lightloom.golden_model.tracing.ray_triangle import ray_triangle, triangle_tests
 

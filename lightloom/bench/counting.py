@@ -19,7 +19,7 @@ import numpy as np
 from lightloom.golden_model.contract.interfaces import OPERATORS
 from lightloom.golden_model.engine.selection.neighbourhoods import Windows
 from lightloom.golden_model.numerics import counter_rng, floats, logarithm
-from lightloom.golden_model.scene import filters
+from lightloom.golden_model.tables import filters
 
 Operation = tuple[str, *tuple[int, ...]]
 """The name of a number unit, or of an operation on whole numbers and its widths in bits."""

@@ -12,7 +12,7 @@ from lightloom.golden_model.contract.formats import ONE_SAMPLE
 from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
 
 TURNTABLE = Path("scenes/bunny-turntable.toml")
 SIDE = 256

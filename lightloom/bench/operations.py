@@ -28,7 +28,6 @@ from lightloom.golden_model.engine.publishing.filling import Filler
 from lightloom.golden_model.engine.publishing.mipmaps import renew_levels
 from lightloom.golden_model.engine.publishing.publisher import Publisher, publish
 from lightloom.golden_model.engine.publishing.smoothing import STEPS, Smoother
-from lightloom.golden_model.engine.sampling.accumulate import fraction_bits
 from lightloom.golden_model.engine.sampling.confidence import lower
 from lightloom.golden_model.engine.sampling.gather import World, gather
 from lightloom.golden_model.engine.sampling.running_average import blend_texels
@@ -44,14 +43,15 @@ from lightloom.golden_model.engine.selection.texel_match import texel_match
 from lightloom.golden_model.engine.selection.texel_project import texel_project
 from lightloom.golden_model.frame.rasterizer import rasterize
 from lightloom.golden_model.host.stopwatch import Stopwatch
-from lightloom.golden_model.rays.geometry import Geometry
 from lightloom.golden_model.rays.surface_shading import Surfaces, readable
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
-from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.scene.light_unit import fraction_bits
 from lightloom.golden_model.scene.lights import lights_of
-from lightloom.golden_model.scene.pinhole import View, look_at
 from lightloom.golden_model.scene.scene import Scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.geometry import Geometry
+from lightloom.golden_model.tables.lightmap import Lightmaps
+from lightloom.golden_model.tables.pinhole import View, look_at
 
 SEED = 5
 TEXEL = 16.0

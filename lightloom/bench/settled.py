@@ -23,10 +23,10 @@ from lightloom.golden_model.engine.selection.selector import FrameContext, Repor
 from lightloom.golden_model.engine.selection.texel_project import texel_project
 from lightloom.golden_model.frame.rasterizer import rasterize
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.scene.lightmap import SIDE_LEVELS, VALID, Lightmaps
-from lightloom.golden_model.scene.pinhole import View, look_at
 from lightloom.golden_model.scene.scene import Scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import SIDE_LEVELS, VALID, Lightmaps
+from lightloom.golden_model.tables.pinhole import View, look_at
 
 SEED = 6
 OTHERS = (1, 16)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from lightloom.golden_model.driver.limits import require_affordable
 from lightloom.golden_model.host.errors import InputError, warn
 from lightloom.shared.inputs import (
     at_least,
@@ -170,14 +171,14 @@ def policies(options: PoliciesOptions) -> None:
     from lightloom.golden_model.host.outputs import whole_folder
     from lightloom.golden_model.scene.files.load import load_scene
     from lightloom.golden_model.scene.scene import require_light
-    from lightloom.golden_model.tracing.bvh.structure import Structure
+    from lightloom.golden_model.structures.structure import Structure
     from lightloom.policies.comparison import write_comparison
     from lightloom.shared.console import Progress, print_json
 
     scene = load_scene(_scene_of(options))
     require_light(scene)  # before the charts, which may take a while
     comparison = _comparison(options, scene.render)
-    comparison.sampling.require(comparison.budget, scene)
+    require_affordable(comparison.sampling, comparison.budget, scene)
     with Progress() as progress, whole_folder(options.out) as folder:
         with progress.stage("Charts"):
             lightmaps = unwrap(scene, trace=Structure(scene, options.backend).trace, cache=default_cache())

@@ -47,7 +47,7 @@ RECORDS = (
 CONSTANTS = (
     "contract.formats",
     *("numerics.directions", "numerics.sample_spread", "numerics.floats"),
-    *("scene.filters", "scene.sky", "scene.lights", "scene.ray_offset", "scene.lightmap"),
+    *("tables.filters", "tables.sky", "scene.lights", "tables.ray_offset", "tables.lightmap", "tables.lights"),
     *("rays.surface_shading", "rays.light_samples"),
     *("engine.drift", "engine.sampling.accumulate", "engine.sampling.confidence"),
     *("engine.sampling.gather", "engine.sampling.running_average", "engine.sampling.settings"),

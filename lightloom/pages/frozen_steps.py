@@ -194,7 +194,7 @@ PASSES: list[tuple[str, str, list[Step]]] = [
                 "float32",
             ),
             (
-                "scene.lightmap.bilinear",
+                "tables.lightmap.bilinear",
                 "What a hit reads of the newest version of the published maps.",
                 "places to nearest 1/256; the sum exact, then once to float32",
             ),

@@ -16,7 +16,7 @@ from lightloom.golden_model.host.fingerprint import fingerprint
 from lightloom.golden_model.host.outputs import whole_folder
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, LAYOUTS, SEEDS, write_layout
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
 from lightloom.policies.comparison import write_comparison
 from lightloom.policies.options import Comparison
 from lightloom.policies.report import TRUE

@@ -12,9 +12,9 @@ from lightloom.golden_model.engine.selection.policy import Policy, policy_of
 from lightloom.golden_model.machine.cost_model import FrameCounts, Machine
 from lightloom.golden_model.machine.schedule import Schedule, schedule
 from lightloom.golden_model.renderer import FrameResult, Renderer
-from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.pose import scene_at
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lightmap import Lightmaps
 from lightloom.policies.judge import Judge, straight_light, visible_texels
 from lightloom.policies.options import Comparison
 from lightloom.policies.report import comparison_report, frame_row

@@ -18,8 +18,8 @@ import numpy as np
 from lightloom.golden_model.oracle.converged_maps import Reference
 from lightloom.golden_model.pictures.images import exposure_for, tonemap, write_film, write_png
 from lightloom.golden_model.renderer import FrameResult, Renderer
-from lightloom.golden_model.scene.lightmap import Lightmaps, bilinear_taps
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lightmap import Lightmaps, bilinear_taps
 from lightloom.policies.options import Comparison
 from lightloom.policies.references import KeptReference
 from lightloom.policies.steps import Seen

@@ -9,7 +9,7 @@ from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.engine.selection.policy import POLICIES
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.oracle.converged_maps import require_rays
-from lightloom.golden_model.tracing.bvh.structure import require_threads
+from lightloom.golden_model.structures.structure import require_threads
 
 BASELINE = "round-robin"
 """What the others are compared with, where it takes part; else the first one."""

@@ -9,9 +9,9 @@ from lightloom.golden_model.host.fingerprint import fingerprint
 from lightloom.golden_model.host.outputs import whole_file
 from lightloom.golden_model.oracle import converged_maps
 from lightloom.golden_model.oracle.converged_maps import Reference
-from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.pose import scene_at, state_of
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lightmap import Lightmaps
 from lightloom.sim.toolchain import locked
 
 

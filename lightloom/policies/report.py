@@ -11,8 +11,8 @@ from lightloom.golden_model.contract.formats import LIKELY
 from lightloom.golden_model.engine.selection.policy import policy_of
 from lightloom.golden_model.machine.schedule import Schedule
 from lightloom.golden_model.renderer import FrameResult, Renderer
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lightmap import VALID, Lightmaps
 from lightloom.policies.options import Comparison
 from lightloom.policies.parameters import changed_parameters, parameters
 from lightloom.policies.steps import Lag, longest

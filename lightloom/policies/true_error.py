@@ -25,7 +25,7 @@ from lightloom.golden_model.host.outputs import whole_file
 from lightloom.golden_model.oracle import true_picture as oracle
 from lightloom.golden_model.oracle.true_picture import require_path_traced, true_picture
 from lightloom.golden_model.scene.scene import Scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
 from lightloom.policies.judge import counted_pixels
 from lightloom.policies.steps import blocks
 from lightloom.policies.still import rest

@@ -85,7 +85,7 @@ class RenderOptions:
         from lightloom.golden_model.engine.publishing.flip_chain import LONGEST
         from lightloom.golden_model.engine.selection.policy import policy_of
         from lightloom.golden_model.frame.rasterizer import MODES
-        from lightloom.golden_model.tracing.bvh.structure import require_threads
+        from lightloom.golden_model.structures.structure import require_threads
         from lightloom.golden_model.tracing.bvh.traversal import BACKENDS
         from lightloom.render.policy_pictures import QUANTITIES
 

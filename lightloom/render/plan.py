@@ -5,6 +5,7 @@ from typing import Any
 
 from lightloom.golden_model.charts.curved import default_cache
 from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.driver.limits import require_affordable
 from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.engine.selection.policy import policy_of
 from lightloom.golden_model.frame.frame_rays import FrameShading
@@ -13,9 +14,9 @@ from lightloom.golden_model.machine.budget_controller import BudgetPolicy
 from lightloom.golden_model.machine.cost_model import Machine
 from lightloom.golden_model.renderer import Pipeline, Renderer
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.scene import Scene, require_light
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import Lightmaps
 from lightloom.render.options import RenderOptions
 from lightloom.render.sequence import Pictures
 from lightloom.shared.inputs import at_least, image_size
@@ -100,5 +101,5 @@ def plan(options: RenderOptions) -> Plan:
         sampling=sampling,
     )
     require_light(scene)  # before the charts, which may take a while
-    sampling.require(planned.budget, scene)
+    require_affordable(sampling, planned.budget, scene)
     return planned

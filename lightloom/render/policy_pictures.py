@@ -10,7 +10,7 @@ from lightloom.golden_model.contract.formats import FRAMES
 from lightloom.golden_model.pictures.images import write_png
 from lightloom.golden_model.pictures.texel_views import colours, map_view, preview
 from lightloom.golden_model.renderer import FrameResult
-from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.tables.lightmap import Lightmaps
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 ERROR_RANGE = 0.5

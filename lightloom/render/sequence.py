@@ -18,8 +18,8 @@ from lightloom.golden_model.machine.schedule import Schedule, schedule
 from lightloom.golden_model.pictures.images import atlas, exposure_for, tonemap, write_exr, write_film, write_png
 from lightloom.golden_model.pictures.texel_views import preview
 from lightloom.golden_model.renderer import FrameResult, Renderer
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lightmap import VALID, Lightmaps
 from lightloom.render.policy_pictures import QUANTITIES
 
 ENLARGED = 3

@@ -27,7 +27,7 @@ def choose(value: str, known: Iterable[str], what: str) -> str:
 
 def image_size(text: str, supersample: int = 1) -> tuple[int, int]:
     """'320x240' to (320, 240): width, height in pixels, each drawn from `supersample` rendered ones a side."""
-    from lightloom.golden_model.scene.pinhole import LARGEST_SIDE
+    from lightloom.golden_model.tables.pinhole import LARGEST_SIDE
 
     largest = LARGEST_SIDE // supersample
     width, separator, height = text.lower().partition("x")

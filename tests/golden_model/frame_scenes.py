@@ -10,16 +10,16 @@ from lightloom.golden_model.contract.formats import POINT_LIGHT
 from lightloom.golden_model.driver.geometry import Geometries
 from lightloom.golden_model.frame.rasterizer import Mesh, draw
 from lightloom.golden_model.rays.collector import Collector, Packing
-from lightloom.golden_model.rays.geometry import Geometry
 from lightloom.golden_model.rays.surface_shading import Surfaces
 from lightloom.golden_model.scene.assemble import assemble
-from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.parts import Part
-from lightloom.golden_model.scene.pinhole import View, look_at
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.scene.shapes import icosphere, quad_triangles
 from lightloom.golden_model.scene.textures import build_textures, texel_coordinates
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.geometry import Geometry
+from lightloom.golden_model.tables.lightmap import Lightmaps
+from lightloom.golden_model.tables.pinhole import View, look_at
 
 UP = np.array([0, 1, 0], dtype=np.float32)
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from lightloom.golden_model.scene.parts import GLASS, MIRROR
+from lightloom.golden_model.contract.engine_image import GLASS, MIRROR
 from lightloom.golden_model.scene.scene import Scene
 from tests.needs import need_package
 

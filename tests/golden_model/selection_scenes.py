@@ -16,12 +16,12 @@ from lightloom.golden_model.numerics.vectors import vector
 from lightloom.golden_model.scene.assemble import assemble
 from lightloom.golden_model.scene.files.cornell_box import cornell_box, cornell_box_parts
 from lightloom.golden_model.scene.keyframes import ObjectKey, ObjectPath
-from lightloom.golden_model.scene.lightmap import Lightmaps, bilinear_taps
 from lightloom.golden_model.scene.parts import Part
-from lightloom.golden_model.scene.pinhole import View, look_at
 from lightloom.golden_model.scene.pose import moved_records, scene_at
 from lightloom.golden_model.scene.scene import Camera, Scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import Lightmaps, bilinear_taps
+from lightloom.golden_model.tables.pinhole import View, look_at
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 

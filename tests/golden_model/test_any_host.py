@@ -17,7 +17,7 @@ from lightloom.golden_model.frame.frame_rays import FrameShading
 from lightloom.golden_model.renderer import FrameResult, Pipeline, Renderer
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.stimuli.layouts.catalogue import write_layout
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
 from tests import ROOT
 from tests.golden_model.changed_hosts import MODEL, casts_are_errors, nans_are_random
 from tests.golden_model.test_frame_loop import room
@@ -29,7 +29,7 @@ HOST = (
     "driver.volumes",
     "scene.lights",  # `lights_of`, the table of lights: float64
     "scene.scene",
-    "scene.ray_offset",
+    "tables.ray_offset",
 )
 """Modules that hardware does not follow in a frame: they prepare its tables."""
 

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL
-from lightloom.golden_model.engine.sampling.accumulate import accumulate, fraction_bits
+from lightloom.golden_model.engine.sampling.accumulate import accumulate
 from lightloom.golden_model.engine.sampling.accumulate import irradiance as from_fixed
 from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.engine.sampling.texel_rays import Update, indirect_share, light_met, texel_rays
@@ -20,12 +20,13 @@ from lightloom.golden_model.scene.assemble import assemble
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.scene.keyframes import ObjectKey, ObjectPath
-from lightloom.golden_model.scene.lightmap import VALID
+from lightloom.golden_model.scene.light_unit import fraction_bits
 from lightloom.golden_model.scene.lights import lights_of
 from lightloom.golden_model.scene.parts import Part
-from lightloom.golden_model.scene.ray_offset import ray_start
 from lightloom.golden_model.scene.scene import Scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import VALID
+from lightloom.golden_model.tables.ray_offset import ray_start
 from tests.golden_model.meshes import needs_bunny
 from tests.golden_model.mitsuba_scenes import mitsuba, mitsuba_irradiance
 

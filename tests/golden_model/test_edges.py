@@ -15,7 +15,7 @@ from lightloom.golden_model.oracle.converged_maps import Reference
 from lightloom.golden_model.renderer import Pipeline, Renderer
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, write_layout
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
 from lightloom.policies.judge import counted_pixels, error, straight_light, visible_texels
 
 pytestmark = pytest.mark.long

@@ -11,10 +11,10 @@ from lightloom.golden_model.oracle.converged_maps import Reference
 from lightloom.golden_model.rays.surface_shading import readable
 from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.assemble import assemble
-from lightloom.golden_model.scene.lightmap import VALID
 from lightloom.golden_model.scene.parts import Part
 from lightloom.golden_model.scene.scene import Camera, Scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import VALID
 
 QUADS = {
     "floor": [[-3, 0, 3], [3, 0, 3], [3, 0, -3], [-3, 0, -3]],

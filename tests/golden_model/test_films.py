@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.contract.engine_image import DIFFUSE, GLASS, MIRROR
 from lightloom.golden_model.contract.formats import RAY
 from lightloom.golden_model.frame.rasterizer import Mesh, draw
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.oracle.path_tracer import irradiance
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, bilinear_taps
-from lightloom.golden_model.scene.parts import DIFFUSE, GLASS, MIRROR
-from lightloom.golden_model.scene.pinhole import look_at
 from lightloom.golden_model.scene.pose import scene_at
 from lightloom.golden_model.scene.scene import RenderDefaults, Scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import VALID, Lightmaps, bilinear_taps
+from lightloom.golden_model.tables.pinhole import look_at
 from tests import ROOT
 from tests.golden_model.meshes import needs_bunny
 

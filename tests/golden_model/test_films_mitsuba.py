@@ -17,12 +17,12 @@ from lightloom.golden_model.frame.rasterizer import draw
 from lightloom.golden_model.renderer import FrameResult, Renderer
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.scene.keyframes import ObjectPath
-from lightloom.golden_model.scene.pinhole import look_at
 from lightloom.golden_model.scene.pose import scene_at
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, write_layout
 from lightloom.golden_model.stimuli.layouts.description import FRAMES, SIZE
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.pinhole import look_at
 from lightloom.policies.still import rest
 from lightloom.policies.true_error import STILL, true_figures
 from tests import ROOT

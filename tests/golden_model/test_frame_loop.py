@@ -18,10 +18,10 @@ from lightloom.golden_model.frame.frame_rays import FrameShading
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.machine.cost_model import Machine
 from lightloom.golden_model.renderer import FrameResult, Pipeline, Renderer
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
 from lightloom.golden_model.scene.pose import moved_records
 from lightloom.golden_model.scene.scene import Scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import VALID, Lightmaps
 from lightloom.golden_model.tracing.bvh.traversal import backend_of
 from lightloom.golden_model.tracing.recorder import TestRecorder
 from tests.golden_model.changed_hosts import texels_are_shuffled

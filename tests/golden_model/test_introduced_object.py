@@ -12,8 +12,8 @@ from lightloom.golden_model.engine.selection.policy import POLICIES
 from lightloom.golden_model.numerics.floats import half_to_float
 from lightloom.golden_model.oracle.converged_maps import Reference
 from lightloom.golden_model.renderer import Renderer
-from lightloom.golden_model.scene.lightmap import VALID
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import VALID
 from tests.golden_model.moving_scenes import scene_of
 
 APPEARS = 10

@@ -8,9 +8,9 @@ import pytest
 from lightloom.golden_model.oracle.path_tracer import irradiance
 from lightloom.golden_model.rays.surface_shading import readable
 from lightloom.golden_model.renderer import Renderer
-from lightloom.golden_model.scene.lightmap import bilinear, lightmap_coordinates
 from lightloom.golden_model.scene.mesh import area_vectors
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lightmap import bilinear, lightmap_coordinates
 from tests.golden_model.leak_scenes import block_through_table, sealed_room, shelf, thin_wall
 
 SEED = 20261130

@@ -18,8 +18,8 @@ from lightloom.golden_model.scene.files.cornell_box import cornell_box
 from lightloom.golden_model.scene.files.exr import read_exr
 from lightloom.golden_model.scene.keyframes import LightKey, LightPath
 from lightloom.golden_model.scene.light_unit import around_point_lights, in_unit, light_exponent
-from lightloom.golden_model.scene.pinhole import pixel_rays
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.pinhole import pixel_rays
 from lightloom.render.sequence import write_lightmaps
 
 COARSE = replace(cornell_box(), texel_size=50.0)

@@ -16,9 +16,9 @@ from lightloom.golden_model.oracle.true_picture import true_picture
 from lightloom.golden_model.pictures.images import write_exr
 from lightloom.golden_model.rays.hit_surface import surface_at
 from lightloom.golden_model.renderer import Pipeline, Renderer
-from lightloom.golden_model.scene.lightmap import VALID
 from lightloom.golden_model.scene.scene import Scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import VALID
 from tests.golden_model.mitsuba_scenes import mitsuba, mitsuba_irradiance
 from tests.golden_model.moving_scenes import scene_of
 from tests.golden_model.scene.test_sky import centres

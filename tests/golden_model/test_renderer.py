@@ -18,11 +18,11 @@ from lightloom.golden_model.rays.surface_shading import readable
 from lightloom.golden_model.renderer import Pipeline, Renderer, render
 from lightloom.golden_model.scene.assemble import assemble
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
-from lightloom.golden_model.scene.lightmap import VALID, bilinear, lightmap_coordinates
 from lightloom.golden_model.scene.parts import Part
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import VALID, bilinear, lightmap_coordinates
 from lightloom.golden_model.tracing.bvh.build import build
-from lightloom.golden_model.tracing.bvh.structure import Structure
 from lightloom.golden_model.tracing.bvh.traversal import trace
 
 COARSE = replace(cornell_box(), texel_size=50.0)

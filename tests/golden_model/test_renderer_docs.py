@@ -12,7 +12,7 @@ from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.frame.rasterizer import Rasterization
 from lightloom.golden_model.numerics.directions import COUNT, ROTATIONS
 from lightloom.golden_model.rays.collector import Packing
-from lightloom.golden_model.scene.lightmap import SIDE, SIDE_LEVELS
+from lightloom.golden_model.tables.lightmap import SIDE, SIDE_LEVELS
 from tests import ROOT
 
 AMOUNT = re.compile(r"(?:(\d[\d,]*) )?`([A-Z_]+)(?:\.(\w+))?`|(\d[\d,]*) (float32|bits?)")

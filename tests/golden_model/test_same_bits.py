@@ -15,10 +15,10 @@ from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.engine.selection.policy import POLICIES
 from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.stimuli.layouts.catalogue import LAYOUTS, write_layout
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import Lightmaps
 from tests import ROOT
 from tests.golden_model.changed_hosts import casts_are_errors, nans_are_random, texels_are_shuffled
 from tests.needs import needs_numba

@@ -12,11 +12,12 @@ from lightloom.golden_model.frame.frame_rays import FrameShading
 from lightloom.golden_model.oracle.converged_maps import Reference
 from lightloom.golden_model.oracle.true_picture import true_picture
 from lightloom.golden_model.renderer import FrameResult, Pipeline, Renderer
-from lightloom.golden_model.scene.lightmap import BURIED, VALID, back_rows_of
 from lightloom.golden_model.scene.mesh import closed
+from lightloom.golden_model.scene.pose import back_rows_of
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.scene.shapes import box, icosphere
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import BURIED, VALID
 from tests.golden_model.moving_scenes import scene_of
 from tests.golden_model.scene.test_scene import refusal
 

@@ -13,7 +13,7 @@ from lightloom.golden_model.engine.selection.policy import POLICIES, Policy
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.scene.lightmap import EMPTY, VALID
+from lightloom.golden_model.tables.lightmap import EMPTY, VALID
 from lightloom.policies.judge import counted_pixels, darkened, error, flip, straight_light, visible_texels
 from lightloom.policies.options import Comparison
 from lightloom.policies.parameters import changed_parameters, parameters

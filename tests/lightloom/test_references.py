@@ -8,8 +8,8 @@ import pytest
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.oracle.converged_maps import Reference
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.scene.lightmap import Lightmaps
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lightmap import Lightmaps
 from lightloom.policies.references import KeptReference
 
 from .conftest import LAMP, ROOM

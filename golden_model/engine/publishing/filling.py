@@ -1,4 +1,4 @@
-"""What texels without a sample show: a smooth surface through the sampled ones of their side (`scene.sides`).
+"""What texels without a sample show: a smooth surface through the sampled ones of their side (`tables.sides`).
 
 Pull and push of Gortler et al. 1996 with weights 0 and 1, in cells of 4 x 4 texels, then of 8 x 8 and so on, each of
 one side alone: a place where two sides meet has a cell of either. A cell is the mean of what is known in it; what is
@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from lightloom.golden_model.numerics.floats import LARGEST_HALF, float_minmax, float_to_half, half_to_float, quiet
-from lightloom.golden_model.scene.filters import in_fixed, to_half
-from lightloom.golden_model.scene.lightmap import Lightmaps, part_of
-from lightloom.golden_model.scene.sides import sides_of
+from lightloom.golden_model.tables.filters import in_fixed, to_half
+from lightloom.golden_model.tables.lightmap import Lightmaps, part_of
+from lightloom.golden_model.tables.sides import sides_of
 
 _FINEST = 2
 """Texels across a finest cell, as a power of two."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from lightloom.golden_model.engine.publishing.regions import Regions, place_of
 from lightloom.golden_model.numerics.floats import float_to_half, flush, half_to_float, quiet
-from lightloom.golden_model.scene.lightmap import SIDE_LEVELS
+from lightloom.golden_model.tables.lightmap import SIDE_LEVELS
 
 CHILDREN = ((0, 0), (0, 1), (1, 0), (1, 1))
 """(row, column) of the four texels below one, in the order in which they are added."""

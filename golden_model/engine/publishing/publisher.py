@@ -15,7 +15,7 @@ from lightloom.golden_model.engine.publishing.mipmaps import renew_levels
 from lightloom.golden_model.engine.publishing.regions import regions_of
 from lightloom.golden_model.engine.publishing.smoothing import Smoother
 from lightloom.golden_model.numerics.floats import LARGEST_HALF, float_minmax, float_to_half, quiet
-from lightloom.golden_model.scene.lightmap import Lightmaps, filled, part_of
+from lightloom.golden_model.tables.lightmap import Lightmaps, filled, part_of
 
 
 @dataclass(frozen=True, kw_only=True)

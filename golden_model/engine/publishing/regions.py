@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lightloom.golden_model.scene.lightmap import SIDE, SIDE_LEVELS, Levels, Lightmaps, levels_of
+from lightloom.golden_model.tables.lightmap import SIDE, SIDE_LEVELS, Levels, Lightmaps, levels_of
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,8 +28,8 @@ from lightloom.golden_model.engine.sampling.confidence import STALE
 from lightloom.golden_model.numerics.floats import fixed64_to_float, float_divide, float_to_half, half_to_float
 from lightloom.golden_model.numerics.logarithm import half_octaves
 from lightloom.golden_model.numerics.vectors import dot
-from lightloom.golden_model.scene.filters import VALUE_BITS, in_fixed, to_half
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, joined, steps_of
+from lightloom.golden_model.tables.filters import VALUE_BITS, in_fixed, to_half
+from lightloom.golden_model.tables.lightmap import VALID, Lightmaps, joined, steps_of
 
 STEPS = (1, 2)
 """Distance of the neighbours in each pass."""

@@ -24,8 +24,8 @@ from lightloom.golden_model.engine.publishing.smoothing import (
     Smoother,
 )
 from lightloom.golden_model.engine.sampling.confidence import STALE
-from lightloom.golden_model.scene.filters import VALUE_BITS
-from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.tables.filters import VALUE_BITS
+from lightloom.golden_model.tables.lightmap import Lightmaps
 from lightloom.golden_model.tracing.compiled import cached, compiled
 
 _EIGHTHS = np.array(WEIGHTS)

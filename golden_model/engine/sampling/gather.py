@@ -31,9 +31,9 @@ from lightloom.golden_model.rays.collector import MAINTENANCE, Collector
 from lightloom.golden_model.rays.hit_shading import Onward, direct_at_hits, shade_rays
 from lightloom.golden_model.rays.surface_shading import Surfaces
 from lightloom.golden_model.rays.waves import Waves
-from lightloom.golden_model.scene.lightmap import Lightmaps
-from lightloom.golden_model.scene.lights import Lights
-from lightloom.golden_model.scene.octahedral import on_octahedron
+from lightloom.golden_model.tables.lightmap import Lightmaps
+from lightloom.golden_model.tables.lights import Lights
+from lightloom.golden_model.tables.octahedral import on_octahedron
 
 _LIT = 1  # what a path's key is hashed with for the shadow ray of its hit
 

@@ -8,8 +8,6 @@ from lightloom.golden_model.engine.sampling.running_average import Blending
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.parameters import check, choice, flag, number
 from lightloom.golden_model.numerics.directions import COUNT
-from lightloom.golden_model.scene.lights import light_count
-from lightloom.golden_model.scene.scene import Scene
 
 MOST_LIGHTS = 1024
 """Whose sums of weights the largest preset holds; 256 are what others do."""
@@ -57,14 +55,3 @@ class Sampling:
         """
         paths = self.directions * (1 + self.bounces * specular)
         return 2 * paths if self.direct == "rays" else paths + self.light_samples
-
-    def require(self, budget: int, scene: Scene) -> None:
-        """Raises InputError for a budget of rays a frame that does not pay for one update, and for too many lights."""
-        reserve = self.reserve(scene.specular)
-        if budget < reserve:
-            raise InputError(f"--budget {budget}: one texel update takes {reserve} rays; give at least as many")
-        if (count := light_count(scene)) > self.lights:
-            raise InputError(
-                f"{scene.name}: {count} lights, of which each triangle that shines is one; at most {self.lights} are "
-                "possible: make what shines of fewer triangles"
-            )

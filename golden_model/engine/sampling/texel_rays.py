@@ -19,7 +19,7 @@ from lightloom.golden_model.numerics.directions import COUNT, ROTATIONS, cosine_
 from lightloom.golden_model.numerics.floats import flush, quiet
 from lightloom.golden_model.numerics.vectors import scale
 from lightloom.golden_model.rays.light_samples import NO_RIVALS, direct_candidates, met_beyond, met_emission
-from lightloom.golden_model.scene.lights import Lights
+from lightloom.golden_model.tables.lights import Lights
 
 PI = np.float32(3.1415927)
 _INDIRECT, _SHADOW = range(2)  # what a hash is for

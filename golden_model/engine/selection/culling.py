@@ -17,8 +17,8 @@ from lightloom.golden_model.engine.selection.intervals import Interval
 from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.engine.selection.screen_test import facing_shift
 from lightloom.golden_model.numerics.floats import fixed_to_float, float_minmax, float_to_fixed_down, flush, quiet
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps
-from lightloom.golden_model.scene.pinhole import View
+from lightloom.golden_model.tables.lightmap import VALID, Lightmaps
+from lightloom.golden_model.tables.pinhole import View
 
 NOWHERE = np.float32(np.inf)
 """Of a region without texels: `low` of its boxes, and less it `high`."""

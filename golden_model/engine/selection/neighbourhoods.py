@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, followed, part_of, steps_of
+from lightloom.golden_model.tables.lightmap import VALID, Lightmaps, followed, part_of, steps_of
 
 
 class Windows:

@@ -15,7 +15,7 @@ from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.engine.selection.texel_match import texel_match
 from lightloom.golden_model.engine.selection.texel_project import texel_project
 from lightloom.golden_model.numerics.floats import float_multiply, float_to_half
-from lightloom.golden_model.scene.pinhole import View
+from lightloom.golden_model.tables.pinhole import View
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,7 @@ from lightloom.golden_model.contract.formats import (
 from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.engine.selection.screen_test import Sight, pixels_of, to_match, to_project, unseen
 from lightloom.golden_model.numerics import floats
-from lightloom.golden_model.scene.pinhole import View
+from lightloom.golden_model.tables.pinhole import View
 from lightloom.golden_model.tracing.bvh.traversal_numba import flush
 from lightloom.golden_model.tracing.compiled import cached, compiled, plain
 

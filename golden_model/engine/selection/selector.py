@@ -22,8 +22,8 @@ from lightloom.golden_model.engine.selection.screen_test import ScreenTest, Sigh
 from lightloom.golden_model.engine.selection.tracking import most_worth
 from lightloom.golden_model.engine.selection.variability import Variability
 from lightloom.golden_model.engine.selection.visibility import Visibility
-from lightloom.golden_model.scene.lightmap import SIDE_LEVELS, VALID, Lightmaps, row_and_column
-from lightloom.golden_model.scene.pinhole import View
+from lightloom.golden_model.tables.lightmap import SIDE_LEVELS, VALID, Lightmaps, row_and_column
+from lightloom.golden_model.tables.pinhole import View
 from lightloom.golden_model.tracing.trace_protocol import Trace
 
 

@@ -14,7 +14,7 @@ from lightloom.golden_model.engine.selection.neighbourhoods import Windows
 from lightloom.golden_model.engine.selection.policy import SHARE, Policy
 from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.sample_spread import luminance
-from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.tables.lightmap import Lightmaps
 
 HIGH = 3
 """The highest bin; also what one bit stands for when it is set."""

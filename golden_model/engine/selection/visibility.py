@@ -16,7 +16,7 @@ from lightloom.golden_model.engine.selection.round_robin import RoundRobin
 from lightloom.golden_model.engine.selection.screen_test import ScreenTest, Sight, screen_test
 from lightloom.golden_model.numerics.floats import quiet
 from lightloom.golden_model.numerics.vectors import subtract
-from lightloom.golden_model.scene.pinhole import View
+from lightloom.golden_model.tables.pinhole import View
 from lightloom.golden_model.tracing.trace_protocol import Trace
 
 

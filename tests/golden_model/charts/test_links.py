@@ -10,9 +10,9 @@ from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.contract.formats import TEXEL_STATE
 from lightloom.golden_model.engine.publishing.publisher import Publisher
 from lightloom.golden_model.rays.surface_shading import readable
-from lightloom.golden_model.scene.lightmap import BURIED, DOWN, RIGHT, VALID, Lightmaps, joined, sample
 from lightloom.golden_model.scene.scene import Scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import BURIED, DOWN, RIGHT, VALID, Lightmaps, joined, sample
 from tests.golden_model.frame_scenes import scene_of
 from tests.golden_model.leak_scenes import block_through_table, box, room, thin_wall
 

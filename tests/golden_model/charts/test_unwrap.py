@@ -21,7 +21,10 @@ from lightloom.golden_model.rays.surface_shading import readable
 from lightloom.golden_model.scene.assemble import assemble
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.scene.flat_pieces import planar_pieces
-from lightloom.golden_model.scene.lightmap import (
+from lightloom.golden_model.scene.mesh import area_vectors
+from lightloom.golden_model.scene.parts import Part
+from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lightmap import (
     BURIED,
     EMPTY,
     VALID,
@@ -33,10 +36,7 @@ from lightloom.golden_model.scene.lightmap import (
     row_and_column,
     sample,
 )
-from lightloom.golden_model.scene.mesh import area_vectors
-from lightloom.golden_model.scene.parts import Part
-from lightloom.golden_model.scene.ray_offset import lift
-from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.ray_offset import lift
 from lightloom.golden_model.tracing.bvh import build, traversal
 from lightloom.golden_model.tracing.trace_protocol import Trace
 

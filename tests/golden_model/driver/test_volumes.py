@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lightloom.golden_model.contract.engine_image import DIFFUSE, MIRROR
 from lightloom.golden_model.contract.formats import FOOTPRINT, INFLUENCE, SHADOW, TEXEL, VOLUME, WHOLE_CHANGE
 from lightloom.golden_model.driver.changes import bounds, moved_objects, sources, table_of
 from lightloom.golden_model.driver.footprints import footprints
@@ -14,11 +15,11 @@ from lightloom.golden_model.engine.selection.influence.reach import texel_change
 from lightloom.golden_model.engine.selection.policy import Policy
 from lightloom.golden_model.numerics.vectors import vector
 from lightloom.golden_model.scene.assemble import assemble
-from lightloom.golden_model.scene.lightmap import VALID
-from lightloom.golden_model.scene.parts import DIFFUSE, MIRROR, Part
+from lightloom.golden_model.scene.parts import Part
 from lightloom.golden_model.scene.pose import moved_records, scene_at
 from lightloom.golden_model.scene.scene import Camera, Scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import VALID
 from tests.golden_model.selection_scenes import Stage, key, path_of, plate, visited
 
 BASE = Policy(

@@ -15,8 +15,8 @@ from lightloom.golden_model.rays.waves import run_together
 from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
 from lightloom.golden_model.scene.keyframes import ObjectKey, ObjectPath
-from lightloom.golden_model.scene.lightmap import VALID
 from lightloom.golden_model.scene.pose import entrances
+from lightloom.golden_model.tables.lightmap import VALID
 from tests.golden_model.moving_scenes import scene_of
 from tests.golden_model.test_frame_loop import SIZE, room
 

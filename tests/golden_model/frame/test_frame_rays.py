@@ -5,16 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lightloom.golden_model.engine.sampling.accumulate import fraction_bits
+from lightloom.golden_model.contract.engine_image import GLASS, MIRROR
 from lightloom.golden_model.frame.compositor import blend_frame
 from lightloom.golden_model.frame.frame_rays import FrameRays, FrameShading, trace_frame
 from lightloom.golden_model.frame.ray_buffer import RayBuffer
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.rays.collector import FRAGMENT_SHADING, FRAME_SHADER, Packing
 from lightloom.golden_model.rays.surface_shading import CoarseSurfaces, ray_weights, shade_pixels
+from lightloom.golden_model.scene.light_unit import fraction_bits
 from lightloom.golden_model.scene.lights import lights_of
-from lightloom.golden_model.scene.parts import GLASS, MIRROR, Part
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.scene.parts import Part
+from lightloom.golden_model.structures.structure import Structure
 from tests.golden_model.frame_scenes import Frame, ball, flat_light, geometry_of, quad, room, scene_of, seen_from
 
 EYE, TARGET = (0.1, 0.2, 0.9), (0, 0, -1)

@@ -9,7 +9,7 @@ from lightloom.golden_model.frame.tiles import bin_triangles, by_tile
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.numerics.floats import flush
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
-from lightloom.golden_model.scene.pinhole import View, look_at
+from lightloom.golden_model.tables.pinhole import View, look_at
 
 UP = np.array([0, 1, 0], dtype=np.float32)
 

@@ -10,7 +10,7 @@ from lightloom.golden_model.frame.rasterizer import level_of_detail, rasterize
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.numerics.vectors import interpolate, normalize
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
-from lightloom.golden_model.scene.pinhole import View, look_at, pixel_rays, to_view
+from lightloom.golden_model.tables.pinhole import View, look_at, pixel_rays, to_view
 from lightloom.golden_model.tracing.bvh.build import build
 from lightloom.golden_model.tracing.bvh.traversal import trace
 from lightloom.golden_model.tracing.ray_setup import ray_setup

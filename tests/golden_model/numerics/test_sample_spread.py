@@ -8,13 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lightloom.golden_model.contract.formats import RELATIVE_MAX
-from lightloom.golden_model.engine.sampling.accumulate import (
-    at_rest,
-    brightness_of,
-    light_of,
-    luminance_sums,
-    settled,
-)
+from lightloom.golden_model.driver.rest import at_rest, settled
+from lightloom.golden_model.engine.sampling.accumulate import brightness_of, light_of, luminance_sums
 from lightloom.golden_model.numerics.sample_spread import (
     luminance,
     relative_departure,

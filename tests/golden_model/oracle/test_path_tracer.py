@@ -7,7 +7,7 @@ import pytest
 
 from lightloom.golden_model.oracle.path_tracer import irradiance
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
 
 GROUND = """
 [camera]

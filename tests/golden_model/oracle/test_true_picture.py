@@ -9,7 +9,7 @@ from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.oracle.true_picture import require_path_traced, true_picture
 from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
 
 FLOOR = """
 [camera]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from lightloom.golden_model.contract.engine_image import MIRROR
 from lightloom.golden_model.pictures.texel_views import (
     BACKGROUND,
     NO_TEXEL,
@@ -13,8 +14,7 @@ from lightloom.golden_model.pictures.texel_views import (
     preview,
     preview_colours,
 )
-from lightloom.golden_model.scene.lightmap import VALID
-from lightloom.golden_model.scene.parts import MIRROR
+from lightloom.golden_model.tables.lightmap import VALID
 from tests.golden_model.frame_scenes import ball, quad, room, scene_of, seen_from
 
 

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from lightloom.golden_model.contract.engine_image import MIRROR
 from lightloom.golden_model.contract.formats import HIT, RAY
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.rays.collector import (
@@ -15,8 +16,7 @@ from lightloom.golden_model.rays.collector import (
     Collector,
     Packing,
 )
-from lightloom.golden_model.scene.parts import MIRROR
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
 from tests.golden_model.frame_scenes import ball, room, scene_of
 
 LOW, HIGH = np.full(3, -1, dtype=np.float32), np.ones(3, dtype=np.float32)

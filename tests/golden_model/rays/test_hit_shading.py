@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lightloom.golden_model.contract.engine_image import GLASS, MIRROR
 from lightloom.golden_model.contract.formats import HIT, RAY
 from lightloom.golden_model.numerics.vectors import interpolate
 from lightloom.golden_model.rays.hit_shading import direct_at_hits, direct_light, fresnel, scatter, shade_rays
 from lightloom.golden_model.rays.surface_shading import CoarseSurfaces, diffuse_radiance
 from lightloom.golden_model.scene.lights import lights_of
-from lightloom.golden_model.scene.parts import GLASS, MIRROR
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.tracing.bvh.build import build
 from lightloom.golden_model.tracing.bvh.traversal import trace

@@ -10,12 +10,12 @@ from lightloom.golden_model.contract.formats import POINT_LIGHT, RAY
 from lightloom.golden_model.numerics.directions import cosine_table, tangent_of, to_world
 from lightloom.golden_model.rays.light_samples import direct_candidates, met_emission
 from lightloom.golden_model.scene.assemble import assemble
-from lightloom.golden_model.scene.distant_lights import POINT
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.scene.lights import WEIGHT_BITS, Lights, lights_of
+from lightloom.golden_model.scene.lights import WEIGHT_BITS, lights_of
 from lightloom.golden_model.scene.parts import Part
-from lightloom.golden_model.scene.ray_offset import ray_start
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lights import POINT, Lights
+from lightloom.golden_model.tables.ray_offset import ray_start
 from lightloom.golden_model.tracing.brute_force import trace_brute_force
 
 SEED = 20250103

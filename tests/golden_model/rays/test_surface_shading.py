@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from lightloom.golden_model.charts.unwrap import unwrap
+from lightloom.golden_model.contract.engine_image import GLASS, MIRROR
 from lightloom.golden_model.contract.formats import PUBLISHED_TEXEL
 from lightloom.golden_model.frame.rasterizer import draw, rasterize
 from lightloom.golden_model.rays.surface_shading import (
@@ -17,10 +18,9 @@ from lightloom.golden_model.rays.surface_shading import (
 )
 from lightloom.golden_model.scene.assemble import assemble
 from lightloom.golden_model.scene.files.cornell_box import cornell_box_parts
-from lightloom.golden_model.scene.lightmap import bilinear, levels_of, sample
-from lightloom.golden_model.scene.parts import GLASS, MIRROR
-from lightloom.golden_model.scene.pinhole import look_at, pixel_rays
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lightmap import bilinear, levels_of, sample
+from lightloom.golden_model.tables.pinhole import look_at, pixel_rays
 from lightloom.golden_model.tracing.bvh.build import build
 from lightloom.golden_model.tracing.bvh.traversal import trace
 from tests.golden_model.frame_scenes import flat_light, geometry_of, mesh_of, quad, room, scene_of, seen_from

@@ -12,13 +12,13 @@ from lightloom.golden_model.driver.geometry import Geometries
 from lightloom.golden_model.numerics.vectors import vector
 from lightloom.golden_model.rays.surface_shading import Surfaces, diffuse_radiance
 from lightloom.golden_model.scene.coarse_geometry import coarse_links, decimated, fine_triangles
-from lightloom.golden_model.scene.lightmap import VALID
 from lightloom.golden_model.scene.mesh import area_vectors
 from lightloom.golden_model.scene.nearest import nearest
 from lightloom.golden_model.scene.parts import Part
 from lightloom.golden_model.scene.pose import scene_at
 from lightloom.golden_model.scene.scene import Scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import VALID
 from tests.golden_model.moving_scenes import MOVING, ROOM, rays_through, scene_of
 
 SEED = 20250312

@@ -11,11 +11,11 @@ from lightloom.golden_model.numerics.vectors import vector
 from lightloom.golden_model.scene.cut_polygons import triangulated
 from lightloom.golden_model.scene.cuts import cut_parts
 from lightloom.golden_model.scene.keyframes import ObjectKey, ObjectPath
-from lightloom.golden_model.scene.lightmap import bilinear, lightmap_coordinates
 from lightloom.golden_model.scene.mesh import area_vectors
 from lightloom.golden_model.scene.parts import Part
 from lightloom.golden_model.scene.scene import Scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import bilinear, lightmap_coordinates
 from tests.golden_model.frame_scenes import part
 from tests.golden_model.leak_scenes import block_through_table, box, room, sealed_room, shelf, thin_wall
 

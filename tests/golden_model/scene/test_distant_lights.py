@@ -7,9 +7,9 @@ import pytest
 
 from lightloom.golden_model.numerics.directions import cosine_table, tangent_of, to_world
 from lightloom.golden_model.rays.light_samples import direct_candidates, met_beyond
-from lightloom.golden_model.scene.distant_lights import SKY, SUN
 from lightloom.golden_model.scene.lights import lights_of
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.lights import SKY, SUN
 from tests.golden_model.moving_scenes import scene_of
 from tests.golden_model.scene.test_sky import centres, unit, with_spot
 

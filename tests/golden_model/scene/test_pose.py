@@ -9,9 +9,9 @@ import pytest
 
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
-from lightloom.golden_model.scene.lightmap import BURIED, EMPTY, VALID, Lightmaps
 from lightloom.golden_model.scene.pose import moved_records, posed, scene_at
 from lightloom.golden_model.scene.scene import Scene, require_light
+from lightloom.golden_model.tables.lightmap import BURIED, EMPTY, VALID, Lightmaps
 from lightloom.golden_model.tracing.bvh import build, traversal
 from tests.golden_model.moving_scenes import MOVING, ROOM, scene_of
 

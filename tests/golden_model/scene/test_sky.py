@@ -5,8 +5,8 @@ import pytest
 
 from lightloom.golden_model.numerics.affine import rotation_matrix
 from lightloom.golden_model.scene.environment import Environment, Sky, Sun
-from lightloom.golden_model.scene.octahedral import folded, on_octahedron, unfolded
-from lightloom.golden_model.scene.sky import TABLE_BITS, SkyTable, chosen, luminance
+from lightloom.golden_model.tables.octahedral import folded, on_octahedron, unfolded
+from lightloom.golden_model.tables.sky import TABLE_BITS, SkyTable, chosen, luminance
 
 SEED = 20250711
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lightloom.golden_model.driver.limits import require_affordable
 from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.rays.light_samples import direct_candidates
@@ -91,6 +92,6 @@ def test_too_many_lights_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"1283 lights, of which each triangle that shines is one; at most 1024"):
         Renderer(scene, width=8, height=8, budget=1000)
     few = scene_of(tmp_path, FLOOR + ball.replace("= 3\n", "= 2\n"))
-    Sampling().require(1000, few)
+    require_affordable(Sampling(), 1000, few)
     with pytest.raises(InputError, match=r"320 lights.*at most 256"):
-        Sampling(lights=256).require(1000, few)
+        require_affordable(Sampling(lights=256), 1000, few)

@@ -8,7 +8,8 @@ import pytest
 
 from lightloom.golden_model.frame.rasterizer import draw
 from lightloom.golden_model.rays.surface_shading import shade_fragments
-from lightloom.golden_model.scene.textures import LOD_ONE, build_textures, sample_textures
+from lightloom.golden_model.scene.textures import build_textures
+from lightloom.golden_model.tables.textures import LOD_ONE, sample_textures
 from tests.exact import decode, encode, float_add, float_multiply, float_to_fixed
 from tests.golden_model.frame_scenes import flat_light, mesh_of, quad, scene_of, seen_from
 

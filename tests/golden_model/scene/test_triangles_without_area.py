@@ -11,7 +11,7 @@ import trimesh
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.host.errors import InputWarning
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.scene.lightmap import VALID
+from lightloom.golden_model.tables.lightmap import VALID
 from lightloom.golden_model.tracing.bvh import build, traversal
 from tests.golden_model.scene.test_scene import CUBE_OBJ, QUAD, write_cube
 

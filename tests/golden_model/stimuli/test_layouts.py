@@ -8,10 +8,10 @@ import pytest
 
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.scene.lightmap import VALID
 from lightloom.golden_model.stimuli.layouts.catalogue import BUDGETS, LAYOUTS, SEEDS, write_layout
 from lightloom.golden_model.stimuli.layouts.rooms import vase
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import VALID
 
 FROZEN = "78071d82e5d2201016b61ff1fce9606d2daffab68f1ad639accc5d85e6e977e1"
 """SHA-256 of all files of all layouts and seeds, one behind another: figures of two builds are of the same scenes."""

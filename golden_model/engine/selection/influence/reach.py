@@ -11,7 +11,7 @@ from lightloom.golden_model.engine.selection.culling import RegionBoxes
 from lightloom.golden_model.engine.selection.influence.region_reach import reached_regions
 from lightloom.golden_model.numerics.floats import float_minmax, flush, quiet
 from lightloom.golden_model.numerics.vectors import dot
-from lightloom.golden_model.scene.lightmap import Lightmaps
+from lightloom.golden_model.tables.lightmap import Lightmaps
 
 _PARTS = (np.float32(1), np.float32(0.5), np.float32(0.25))
 """Of the reach, for levels 1, 2, 3: half the distance is four times the effect."""

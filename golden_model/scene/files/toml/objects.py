@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lightloom.golden_model.contract.engine_image import DIFFUSE, GLASS, MIRROR
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.numerics.affine import determinant, rotation_matrix, transformed
 from lightloom.golden_model.numerics.vectors import vector
@@ -18,7 +19,7 @@ from lightloom.golden_model.scene.files.texture_files import BUILTIN, checker, l
 from lightloom.golden_model.scene.files.toml.paths import PATH, object_path
 from lightloom.golden_model.scene.files.toml.tables import Table
 from lightloom.golden_model.scene.mesh import check_part, turned_normals, with_area
-from lightloom.golden_model.scene.parts import DEFAULT_ALBEDO, DEFAULT_IOR, DIFFUSE, GLASS, MIRROR, Part
+from lightloom.golden_model.scene.parts import DEFAULT_ALBEDO, DEFAULT_IOR, Part
 from lightloom.golden_model.scene.shapes import QUAD_UV, box, icosphere, quad_coordinates
 
 GROUPS = {"cornell-box": PART_NAMES, "cornell-room": list(ROOM), "cornell-blocks": list(BLOCKS)}

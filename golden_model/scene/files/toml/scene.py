@@ -21,8 +21,8 @@ from lightloom.golden_model.scene.files.toml.surroundings import direction, envi
 from lightloom.golden_model.scene.files.toml.tables import Table
 from lightloom.golden_model.scene.keyframes import LightPath, segment
 from lightloom.golden_model.scene.mesh import cross, dot
-from lightloom.golden_model.scene.pinhole import LARGEST_SIDE
 from lightloom.golden_model.scene.scene import Camera, Keyframe, RenderDefaults, Scene
+from lightloom.golden_model.tables.pinhole import LARGEST_SIDE
 
 _OBJECTS = ("mesh", "quad", "box", "sphere")
 _LIGHTS = ("point_light", "spot_light", "sky", "sun")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.engine.publishing.filling import Filler
-from lightloom.golden_model.scene.lightmap import BURIED, DOWN, RIGHT, VALID, Lightmaps, joined
-from lightloom.golden_model.scene.sides import firsts_first, sides_of
+from lightloom.golden_model.tables.lightmap import BURIED, DOWN, RIGHT, VALID, Lightmaps, joined
+from lightloom.golden_model.tables.sides import firsts_first, sides_of
 from tests.golden_model.engine.publishing.test_publisher import maps_of, ragged_maps
 
 

@@ -12,7 +12,7 @@ from lightloom.golden_model.engine.publishing.mipmaps import renew_levels
 from lightloom.golden_model.engine.publishing.regions import regions_of
 from lightloom.golden_model.numerics.floats import half_to_float
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.scene.lightmap import (
+from lightloom.golden_model.tables.lightmap import (
     EMPTY,
     VALID,
     Lightmaps,

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from lightloom.golden_model.charts.buried import nearest_valid
 from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL, TEXEL_STATE
 from lightloom.golden_model.engine.publishing.publisher import Publisher, apply, publish
-from lightloom.golden_model.scene.lightmap import BURIED, EMPTY, VALID, Lightmaps
+from lightloom.golden_model.tables.lightmap import BURIED, EMPTY, VALID, Lightmaps
 
 
 def maps_of(sizes: list[tuple[int, int]]) -> Lightmaps:

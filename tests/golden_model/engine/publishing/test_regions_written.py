@@ -11,7 +11,7 @@ from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.engine.selection.policy import POLICIES
 from lightloom.golden_model.renderer import Renderer
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
-from lightloom.golden_model.scene.lightmap import VALID
+from lightloom.golden_model.tables.lightmap import VALID
 
 SEED = 20261130
 

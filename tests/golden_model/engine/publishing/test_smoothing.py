@@ -11,7 +11,7 @@ from lightloom.golden_model.engine import kernels
 from lightloom.golden_model.engine.publishing.publisher import Publisher, apply
 from lightloom.golden_model.engine.publishing.smoothing import REACH, Smoother
 from lightloom.golden_model.numerics.floats import LARGEST_HALF
-from lightloom.golden_model.scene.lightmap import BURIED, DOWN, RIGHT, VALID, Lightmaps, joined
+from lightloom.golden_model.tables.lightmap import BURIED, DOWN, RIGHT, VALID, Lightmaps, joined
 from tests.exact import encode, float_divide
 from tests.golden_model.engine.publishing.test_publisher import maps_of, ragged_maps
 from tests.needs import needs_numba

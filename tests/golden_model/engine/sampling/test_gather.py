@@ -7,6 +7,7 @@ import pytest
 
 from lightloom.golden_model.charts.unwrap import unwrap
 from lightloom.golden_model.contract.formats import SAMPLE_SUMS, field_width
+from lightloom.golden_model.driver.geometry import collector_of
 from lightloom.golden_model.engine.sampling.gather import Gathered, World, gather
 from lightloom.golden_model.engine.sampling.settings import Sampling
 from lightloom.golden_model.engine.sampling.texel_rays import Update
@@ -15,13 +16,13 @@ from lightloom.golden_model.host.parameters import parameters
 from lightloom.golden_model.host.stopwatch import Stopwatch
 from lightloom.golden_model.numerics.directions import COUNT
 from lightloom.golden_model.numerics.sample_spread import LUMINANCE_BITS
-from lightloom.golden_model.rays.collector import collector_of
 from lightloom.golden_model.rays.surface_shading import Surfaces
 from lightloom.golden_model.rays.waves import run_together
-from lightloom.golden_model.scene.lightmap import VALID
-from lightloom.golden_model.scene.lights import Lights, lights_of
+from lightloom.golden_model.scene.lights import lights_of
 from lightloom.golden_model.scene.scene import Scene
-from lightloom.golden_model.tracing.bvh.structure import Structure
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables.lightmap import VALID
+from lightloom.golden_model.tables.lights import Lights
 from tests.golden_model.frame_scenes import geometry_of
 from tests.golden_model.test_frame_loop import room
 

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from lightloom.golden_model.contract.formats import ONE_SAMPLE, TEXEL_BLEND, TEXEL_STATE
-from lightloom.golden_model.engine.sampling.accumulate import accumulate, fraction_bits, irradiance
+from lightloom.golden_model.engine.sampling.accumulate import accumulate, irradiance
 from lightloom.golden_model.engine.sampling.running_average import Blending, blend_texels, drop, mark_heavy
 from lightloom.golden_model.engine.sampling.texel_blend import texel_blend
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.host.parameters import parameters
 from lightloom.golden_model.numerics.floats import float_to_fixed
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
+from lightloom.golden_model.scene.light_unit import fraction_bits
 from tests import ROOT
 from tests.golden_model.engine.sample_sums import FRACTION, sums_of
 

@@ -5,6 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from lightloom.golden_model.contract.engine_image import DIFFUSE
 from lightloom.golden_model.contract.formats import FOOTPRINT, INFLUENCE, SHADOW, VOLUME
 from lightloom.golden_model.engine.selection.culling import region_boxes
 from lightloom.golden_model.engine.selection.influence.reach import texel_changes
@@ -18,10 +19,9 @@ from lightloom.golden_model.numerics.floats import flush
 from lightloom.golden_model.numerics.vectors import dot
 from lightloom.golden_model.scene.assemble import assemble
 from lightloom.golden_model.scene.files.cornell_box import cornell_box, cornell_box_parts
-from lightloom.golden_model.scene.lightmap import VALID
-from lightloom.golden_model.scene.parts import DIFFUSE
-from lightloom.golden_model.scene.pinhole import View, look_at
 from lightloom.golden_model.scene.pose import moved_records, scene_at
+from lightloom.golden_model.tables.lightmap import VALID
+from lightloom.golden_model.tables.pinhole import View, look_at
 from tests.golden_model.engine.publishing.test_publisher import maps_of
 from tests.golden_model.frame_scenes import ball
 from tests.golden_model.selection_scenes import Stage, key, path_of, stage, visited

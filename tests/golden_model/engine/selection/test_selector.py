@@ -14,7 +14,7 @@ from lightloom.golden_model.engine.selection.culling import RegionBoxes
 from lightloom.golden_model.engine.selection.policy import POLICIES, Policy
 from lightloom.golden_model.engine.selection.screen_test import Sight
 from lightloom.golden_model.engine.selection.selector import FrameContext, Plan, Selector, coarse_to_fine
-from lightloom.golden_model.scene.lightmap import VALID
+from lightloom.golden_model.tables.lightmap import VALID
 from tests.golden_model.engine.publishing.test_publisher import maps_of
 from tests.golden_model.selection_scenes import Stage, cornell, visited
 

@@ -15,8 +15,8 @@ from lightloom.golden_model.engine.selection.selector import coarse_to_fine
 from lightloom.golden_model.engine.selection.visibility import Visibility, eye_rays
 from lightloom.golden_model.numerics.floats import float_to_half, half_to_float
 from lightloom.golden_model.numerics.vectors import vector
-from lightloom.golden_model.scene.lightmap import VALID
 from lightloom.golden_model.scene.scene import Camera
+from lightloom.golden_model.tables.lightmap import VALID
 from tests.golden_model.selection_scenes import Stage, cornell, read_by_pixels, visited
 from tests.needs import needs_numba
 

@@ -12,8 +12,8 @@ from lightloom.golden_model.driver.changes import table_of
 from lightloom.golden_model.driver.report import loose_bounds
 from lightloom.golden_model.engine.selection.influence.reach import texel_changes, touched
 from lightloom.golden_model.engine.selection.policy import Policy
-from lightloom.golden_model.scene.lightmap import VALID
 from lightloom.golden_model.scene.pose import scene_at
+from lightloom.golden_model.tables.lightmap import VALID
 from tests.golden_model.selection_scenes import visited
 
 VOLUME, SHADOW, FOOTPRINT = range(3)

@@ -9,12 +9,12 @@ import pytest
 import trimesh
 from PIL import Image
 
+from lightloom.golden_model.contract.engine_image import DIFFUSE, GLASS, MIRROR
 from lightloom.golden_model.host.errors import InputError, InputWarning
 from lightloom.golden_model.scene.files.load import load_scene
 from lightloom.golden_model.scene.files.mesh_files import load_mesh
 from lightloom.golden_model.scene.files.texture_files import checker, srgb_table
 from lightloom.golden_model.scene.mesh import area_vectors
-from lightloom.golden_model.scene.parts import DIFFUSE, GLASS, MIRROR
 from lightloom.golden_model.scene.pose import scene_at
 from lightloom.golden_model.scene.scene import Scene
 from lightloom.golden_model.scene.shapes import icosphere

@@ -18,14 +18,14 @@ from lightloom.golden_model.driver.geometry import shapes_of
 from lightloom.golden_model.numerics.directions import cosine_table
 from lightloom.golden_model.rays.hit_surface import surface_at
 from lightloom.golden_model.rays.light_samples import direct_candidates
-from lightloom.golden_model.scene import ray_offset
 from lightloom.golden_model.scene.files.load import load_scene
-from lightloom.golden_model.scene.lightmap import VALID
 from lightloom.golden_model.scene.lights import lights_of
 from lightloom.golden_model.scene.pose import moved_records, scene_at
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.structures.structure import Structure
+from lightloom.golden_model.tables import ray_offset
+from lightloom.golden_model.tables.lightmap import VALID
 from lightloom.golden_model.tracing.bvh.build import build
-from lightloom.golden_model.tracing.bvh.structure import Structure
 from lightloom.golden_model.tracing.bvh.traversal import trace
 from lightloom.golden_model.tracing.ray_setup import ray_setup
 from lightloom.golden_model.tracing.ray_triangle import ray_triangle, triangle_tests

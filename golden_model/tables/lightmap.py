@@ -14,8 +14,7 @@ import numpy as np
 
 from lightloom.golden_model.numerics.floats import float_to_fixed_down, flush, quiet
 from lightloom.golden_model.numerics.vectors import interpolate
-from lightloom.golden_model.scene.filters import LEVEL_BITS, corner, corners_of, read, read_between, weighted
-from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.tables.filters import LEVEL_BITS, corner, corners_of, read, read_between, weighted
 
 EMPTY, VALID, BURIED = 0, 1, 2
 """States of a texel; see `golden_model.contract.formats.TEXEL`."""
@@ -111,14 +110,6 @@ def on_side(lightmaps: Lightmaps, object_id: np.ndarray, uv: np.ndarray, front: 
         return uv
     rows = np.where(front, 0, lightmaps.back_rows[object_id]).astype(np.float32)
     return np.stack([uv[:, 0], flush(uv[:, 1] + rows)], axis=1)
-
-
-def back_rows_of(lightmaps: Lightmaps, scene: Scene) -> np.ndarray | None:
-    """`Lightmaps.back_rows` of a scene's two-sided triangles, 0 for others: (T,) float32; None where there are none."""
-    if lightmaps.back_rows is None:
-        return None
-    rows = lightmaps.back_rows[scene.object_id].astype(np.float32)
-    return np.where(scene.two_sided[scene.material], rows, np.float32(0))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lightloom.golden_model.scene.lightmap import VALID, Lightmaps, joined, steps_of
+from lightloom.golden_model.tables.lightmap import VALID, Lightmaps, joined, steps_of
 
 
 def sides_of(lightmaps: Lightmaps) -> np.ndarray:

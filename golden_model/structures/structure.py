@@ -17,8 +17,8 @@ from lightloom.golden_model.contract.formats import HIT
 from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.numerics.floats import quiet
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.structures.forest import Figures, Forest, ForestOptions
 from lightloom.golden_model.tracing.bvh.build import Bvh
-from lightloom.golden_model.tracing.bvh.forest import Figures, Forest, ForestOptions
 from lightloom.golden_model.tracing.bvh.ray_box import box_rays, ray_box
 from lightloom.golden_model.tracing.bvh.traversal import CHUNK, backend_of, trace
 from lightloom.golden_model.tracing.ray_setup import ray_setup

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lightloom.golden_model.contract.engine_image import DIFFUSE
 from lightloom.golden_model.numerics.structured import take
-from lightloom.golden_model.scene.parts import DIFFUSE
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from lightloom.golden_model.scene.lightmap import Levels, Lightmaps, bilinear, bilinear_taps, levels_of, sample
+from lightloom.golden_model.tables.lightmap import Levels, Lightmaps, bilinear, bilinear_taps, levels_of, sample
 from tests.exact import Number, decode, encode
 from tests.golden_model.engine.publishing.test_publisher import maps_of
 

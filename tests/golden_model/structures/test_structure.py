@@ -11,10 +11,10 @@ from lightloom.golden_model.host.errors import InputError
 from lightloom.golden_model.scene.files.cornell_box import cornell_box
 from lightloom.golden_model.scene.pose import scene_at
 from lightloom.golden_model.scene.scene import Scene
+from lightloom.golden_model.structures.forest import Forest, ForestOptions
+from lightloom.golden_model.structures.structure import Structure
 from lightloom.golden_model.tracing.bvh import traversal
 from lightloom.golden_model.tracing.bvh.build import Bvh, build
-from lightloom.golden_model.tracing.bvh.forest import Forest, ForestOptions
-from lightloom.golden_model.tracing.bvh.structure import Structure
 from lightloom.golden_model.tracing.recorder import TestRecorder
 from tests.golden_model import meshes
 from tests.golden_model.moving_scenes import MOVING, ROOM, rays_through, scene_of

@@ -1,0 +1,1 @@
+"""Acceleration structures over scenes whose objects move."""
