@@ -252,8 +252,8 @@ PASSES: list[tuple[str, str, list[Step]]] = [
             ),
             (
                 "engine.publishing.smoothing.Smoother.smoothed",
-                "Stale texels take the mean of fresh ones; means of nine of luminance and noise; a pass with "
-                "neighbours "
+                "What has no sample takes the mean of fresh texels, what is stale is brought into their range; "
+                "means of nine of luminance and noise; a pass with neighbours "
                 "one texel away, of 12 x 12 texels around a region, and one with those two away.",
                 "sums exact; each pass to float32 and then to binary16; logarithms, shares and means down",
             ),

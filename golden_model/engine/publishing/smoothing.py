@@ -11,9 +11,11 @@ or lost; of two that are not, the better known one is moved less. Normalised wei
 (Dammertz et al. 2010, "Edge-avoiding à-trous wavelet transform", with the variance-guided stops of Schied et al. 2017,
 SVGF, are the models of this).
 
-Before that, what is stale (`sampling.confidence`) or has no sample takes the mean of the fresh texels beside it, or
-else of those two away, by how well each is known; what it showed before counts by what it is still worth. So a change
-of light is shown where one texel in nine has found it, and nothing turns black that knew something.
+Before that, what has no sample takes the mean of the fresh texels beside it, or else of those two away, by how well
+each is known. What is stale (`sampling.confidence`) is brought into the range of theirs, as history is in temporal
+antialiasing (Karis 2014, "High Quality Temporal Supersampling"): at an edge of light, where both sides are near, it
+keeps what it was. So a change of light is shown where one texel in nine has found it, and nothing turns black that knew
+something.
 
 Everything is whole numbers, for hardware: noise and differences are logarithms in half octaves, a weight is read from a
 table of seven entries, and the sums are exact; a pass rounds each to float32 and then to binary16.
@@ -42,12 +44,14 @@ WEIGHTS = (8, 8, 7, 6, 4, 2, 0)
 LEAST_DIFFERENCE = -2
 WEIGHT_BITS = 13
 """Of a weight after the point: eighths by sixteenths, and 6 for how much better a texel is known."""
+MOST_LIGHT = 1 << 16 + VALUE_BITS
+"""More than any binary16 number, as light is held."""
 HOLE_MASS = -2
 """Of a texel without samples, whose value comes from around it: a quarter of a sample."""
 HOLE_NOISE = 128
 """Its relative noise in 256ths."""
 FRESH_MASS = 2
-"""What counts most of a fresh texel where a stale one looks for its light: four samples."""
+"""What counts most of a fresh texel where one without a sample looks for its light: four samples."""
 KNOWN = 15 * ONE_SAMPLE
 """Of an average: from here on smoothing has little to gain, and edges of light as small as noise to lose."""
 KNOWN_CARE = 2
@@ -131,20 +135,19 @@ class Smoother:
         return field
 
     def _refreshed(self, value: np.ndarray, state: np.ndarray, texel: np.ndarray) -> np.ndarray:
-        """Light (M, 3) int64 in 2**-24 of texels (M,): that of `value`, or what is around them where they are stale."""
+        """Light (M, 3) int64 in 2**-24 of texels (M,): that of `value`, or what is around where that is out of date."""
         out = in_fixed(value[texel])
         waiting = np.flatnonzero(state["count"][texel] < STALE)
         for step in STEPS:
             here, beside = texel[waiting], self.beside[step][texel[waiting]]
             fresh = (beside != here[:, None]) & (state["count"][beside] >= ONE_SAMPLE)
-            mass = np.minimum(mass_of(state[beside]), FRESH_MASS)
-            weight = np.where(fresh, np.array(SHARES) * ONE_SAMPLE << np.maximum(mass, 0), 0)
-            own = 4 * state["count"][here].astype(np.int64)
-            total = (weight[..., None] * in_fixed(value[beside])).sum(axis=1) + own[:, None] * out[waiting]
-            found = fresh.any(axis=1)
-            whole = (weight.sum(axis=1) + own)[found, None]
-            mean = float_divide(fixed64_to_float(total[found], VALUE_BITS), fixed64_to_float(whole))
-            out[waiting[found]] = in_fixed(half_to_float(float_to_half(mean)))
+            found, known = fresh.any(axis=1), state["count"][here] > 0
+            light = in_fixed(value[beside])
+            bound, blank = found & known, found & ~known
+            out[waiting[bound]] = _within(out[waiting[bound]], light[bound], fresh[bound])
+            mass = np.minimum(mass_of(state[beside[blank]]), FRESH_MASS)
+            weight = np.where(fresh[blank], np.array(SHARES) << np.maximum(mass, 0), 0)
+            out[waiting[blank]] = _mean_of(light[blank], weight)
             waiting = waiting[~found]
         return out
 
@@ -181,6 +184,20 @@ class _Field:
     luminance: np.ndarray  # (N,) int64, of it
     mass: np.ndarray  # (N,) int64: `mass_of`
     noise: np.ndarray  # (N,) int64: `noise_of`
+
+
+def _within(light: np.ndarray, beside: np.ndarray, fresh: np.ndarray) -> np.ndarray:
+    """Light (K, 3) brought into the range of what is `fresh` (K, 8) of the light (K, 8, 3) `beside`, by channel."""
+    low = np.where(fresh[..., None], beside, MOST_LIGHT).min(axis=1)
+    high = np.where(fresh[..., None], beside, 0).max(axis=1)
+    return np.clip(light, low, high)
+
+
+def _mean_of(beside: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """The mean (K, 3) of light (K, 8, 3) by weights (K, 8), not all zero, as binary16 holds it."""
+    total = (weight[..., None] * beside).sum(axis=1)
+    mean = float_divide(fixed64_to_float(total, VALUE_BITS), fixed64_to_float(weight.sum(axis=1)[:, None]))
+    return in_fixed(half_to_float(float_to_half(mean)))
 
 
 def _in_half(total: np.ndarray) -> np.ndarray:

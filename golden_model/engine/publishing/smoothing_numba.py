@@ -18,6 +18,7 @@ from lightloom.golden_model.engine.publishing.smoothing import (
     KNOWN,
     KNOWN_CARE,
     LEAST_DIFFERENCE,
+    MOST_LIGHT,
     SHARES,
     WEIGHT_BITS,
     WEIGHTS,
@@ -122,25 +123,26 @@ def refreshed(here: Any, value: Any, counts: Any, one: Any, two: Any, out: Any) 
         return
     for step in range(2):
         beside = one if step == 0 else two
-        whole = 4 * own
-        total = np.zeros(3, np.int64)
-        for channel in range(3):
-            total[channel] = whole * out[channel]
-        fresh = False
+        whole = np.int64(0)
+        total, low, high = np.zeros(3, np.int64), np.full(3, MOST_LIGHT, np.int64), np.zeros(3, np.int64)
         for k in range(len(_SIXTEENTHS)):
             other = beside[here, k]
             count = np.int64(counts[other])
             if other == here or count < ONE_SAMPLE:
                 continue
-            fresh = True
-            weight = _SIXTEENTHS[k] * ONE_SAMPLE << max(min(mass_of(count), FRESH_MASS), 0)
+            weight = _SIXTEENTHS[k] << max(min(mass_of(count), FRESH_MASS), 0)
             whole += weight
             for channel in range(3):
-                total[channel] += weight * int(float(value[other, channel]) * 2.0**VALUE_BITS)
-        if fresh:
+                light = int(float(value[other, channel]) * 2.0**VALUE_BITS)
+                total[channel] += weight * light
+                low[channel], high[channel] = min(low[channel], light), max(high[channel], light)
+        if whole > 0:
             for channel in range(3):
-                mean = np.float32(total[channel]) * np.float32(2.0**-VALUE_BITS) / np.float32(whole)
-                out[channel] = in_half(float(mean) * 2.0**VALUE_BITS)
+                if own > 0:
+                    out[channel] = min(max(out[channel], low[channel]), high[channel])
+                else:
+                    mean = np.float32(total[channel]) * np.float32(2.0**-VALUE_BITS) / np.float32(whole)
+                    out[channel] = in_half(float(mean) * 2.0**VALUE_BITS)
             return
 
 

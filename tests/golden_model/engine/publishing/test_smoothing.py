@@ -116,12 +116,15 @@ class Twin:
         return out, taken
 
     def refreshed(self, p: int) -> list[int]:
-        """The light of a texel, or the mean of what is fresh one away, or two away, if it is worth too little."""
+        """The light of a texel; if it is stale, within that of what is fresh one away, or two away; or their mean."""
         count = int(self.state["count"][p])
         for step in (1, 2) if count < 4 else ():
             fresh = [(q, share) for q, share in self.around(p, step) if q != p and self.state["count"][q] >= 16]
             if fresh:
-                weights = [(p, 4 * count)] + [(q, 16 * share * 2 ** min(self.mass(q), 2)) for q, share in fresh]
+                if count:
+                    seen = [[self.light[q][c] for q, _ in fresh] for c in range(3)]
+                    return [min(max(own, min(all_)), max(all_)) for own, all_ in zip(self.light[p], seen, strict=True)]
+                weights = [(q, share * 2 ** min(self.mass(q), 2)) for q, share in fresh]
                 whole = encode(Fraction(sum(weight for _, weight in weights)))
                 total = [sum(weight * self.light[q][c] for q, weight in weights) for c in range(3)]
                 mean = [float_divide(encode(Fraction(each, 2**24)), whole) for each in total]
@@ -194,6 +197,34 @@ def test_a_part_is_as_the_whole() -> None:
         assert (smoother.smoothed(other, noisy, np.array([p])) == whole[p]).all()
 
 
+def test_it_looks_as_far_as_it_says_and_no_farther() -> None:
+    """Stale texels around the middle, fresh ones from some distance on: what these show counts at REACH, not beyond."""
+    side, middle = 4 * REACH + 1, 2 * REACH
+    maps = maps_of([(side, side)])
+    away = np.abs(np.arange(side) - middle)
+    away = np.maximum(away[:, None], away).reshape(-1)
+    maps.texels["normal"] = (0, 0, 1)
+    state = np.zeros(len(away), dtype=TEXEL_STATE)
+    state["spread"] = 64
+    differ = dict.fromkeys((REACH, REACH + 1), 0)
+    for seed in range(20):
+        noisy = np.random.default_rng(seed).uniform(0.5, 1.5, (len(away), 1)).repeat(3, axis=1)
+        for distance in differ:
+            fresh = away >= distance
+            state["count"] = np.where(fresh, ONE_SAMPLE, 1)
+            one, other = (
+                Smoother(maps).smoothed(
+                    np.where(fresh[:, None], light, noisy).astype(np.float16).astype(np.float32),
+                    state,
+                    np.array([middle * side + middle]),
+                )
+                for light in (0.25, 4)
+            )
+            differ[distance] += int((one != other).any())
+    assert differ[REACH] > 0
+    assert differ[REACH + 1] == 0
+
+
 def flat(side: int, seed: int, relative: float) -> tuple[Lightmaps, np.ndarray, np.ndarray]:
     """A square map of mean 1 in noise of `relative` that its state knows of."""
     maps = maps_of([(side, side)])
@@ -236,9 +267,19 @@ def test_what_is_stale_shows_what_fresh_texels_beside_it_show() -> None:
     state["count"] = np.where(fresh, ONE_SAMPLE, 1)
     value = np.where(fresh, 1, 1 / 64)[:, None].repeat(3, axis=1).astype(np.float32)
     found = Smoother(maps).smoothed(value, state, np.arange(len(state)))
-    assert found.min() > 0.8, "what it showed counts by what it is worth: a sixteenth of a sample, in the middle"
+    assert (found == 1).all()
     state["count"] = 1
     assert (Smoother(maps).smoothed(np.full_like(value, 0.5), state, np.arange(len(state))) == 0.5).all()
+
+
+def test_what_is_stale_keeps_its_light_at_an_edge() -> None:
+    """A light side and a dark one, of which every other texel is fresh: those between keep the side they were on."""
+    maps, state, value = flat(32, 12, 0.01)
+    row, column = np.divmod(np.arange(32 * 32), 32)
+    state["count"] = np.where((row + column) % 2 == 0, ONE_SAMPLE, 1)
+    value = np.where(column < 16, 1, 1 / 64)[:, None].repeat(3, axis=1).astype(np.float32)
+    found = Smoother(maps).smoothed(value, state, np.arange(len(state)))
+    assert (found == value).all()
 
 
 def test_nothing_goes_over_a_wall_that_stands_on_a_floor() -> None:
